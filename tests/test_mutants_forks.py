@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import json
 import shutil
 import time
 from threading import Thread
@@ -141,6 +142,50 @@ def test_the_test_that_killed_a_functions_last_mutant_comes_first(checkout):
     for name, runs in ((HALVES[0], 2), (HALVES[1], 1)):
         run(checkout, [name])
         assert log.read_text().split().count(name) == runs
+
+
+@pytest.mark.slow
+def test_the_tests_of_a_modules_own_file_come_before_shorter_ones(checkout):
+    any_test = checkout / "tests/p/test_any.py"
+    any_test.write_text(TEST.format(log=str(checkout.parent / "log")).replace("assert ", ""))
+    own = checkout / "tests/p/test_a.py"
+    own.write_text(own.read_text().replace("assert half(4)", "import time\n    time.sleep(0.2)\n    assert half(4)"))
+    run(checkout, HALVES[:1])
+    assert (checkout.parent / "log").read_text().split().count(HALVES[0]) == 1
+    assert results(checkout) == {HALVES[0]: 1}
+
+
+@pytest.mark.slow
+def test_a_test_that_killed_mutants_of_the_module_comes_before_others(checkout):
+    """It killed those of one function, and kills those of the other, of which a test of its own file is shorter."""
+    both = checkout / "tests/p/test_both.py"
+    text = TEST.format(log=str(checkout.parent / "log"))
+    both.write_text(text.replace("assert half(4) == 2", "assert half(twice(2)) == 2").partition("def test_twice")[0])
+    own = checkout / "tests/p/test_a.py"
+    own.write_text(own.read_text().replace("assert half(4) == 2", "half(4)"))
+    run(checkout, HALVES[:1])
+    assert (checkout.parent / "log").read_text().split().count(HALVES[0]) == 2
+    run(checkout, TWICES[:1])
+    assert (checkout.parent / "log").read_text().split().count(TWICES[0]) == 1
+    assert results(checkout) == {HALVES[0]: 1, TWICES[0]: 1}
+
+
+@pytest.mark.slow
+def test_a_mutant_that_no_test_reaches_has_no_result_before_its_turn(checkout):
+    """They were all counted at once, so that a sample of a few mutants held all of these."""
+    module = checkout / "p/a.py"
+    module.write_text(MODULE + "\n\ndef alone(x):\n    return x + 1\n")
+    alone = ["p.a.x_alone__mutmut_1", "p.a.x_alone__mutmut_2"]
+
+    def is_last(function, _):
+        return function == "p.a.alone"
+
+    _, first = run(checkout, HALVES + alone, end=time.monotonic(), listed=is_last)
+    assert first == {}
+    _, every = run(checkout, HALVES + alone, listed=is_last)
+    assert every == dict.fromkeys(HALVES, 1) | dict.fromkeys(alone, kept.WITHOUT_TESTS)
+    lines = (program.copy_of(AREA) / "results.jsonl").read_text().splitlines()
+    assert {json.loads(line)[0] for line in lines[2:]} == set(alone)
 
 
 @pytest.mark.slow

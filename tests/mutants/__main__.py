@@ -205,8 +205,7 @@ def test_mutants(
     codes, left = kept.known(store, now), {name: some for name, some in kept.left(store, now).items() if name in wanted}
     missing = in_order(copy, area, list(left), listed)
     kept.put(copy, area, codes, missing)
-    kept.take(copy, area, {name: kept.WITHOUT_TESTS for name in missing if not left[name]})
-    tested = {name: left[name] for name in missing if left[name]}
+    tested = {name: left[name] for name in missing}
     results, killers = copy / "results.jsonl", kept.killers(store)
 
     def look() -> None:
@@ -227,7 +226,7 @@ def test_mutants(
     work = {
         "mutants": {name: numbers.setdefault(tuple(some), len(numbers)) for name, some in tested.items()},
         "tests": list(numbers), "processes": processes, "results": str(results), "took": str(took),
-        "killers": {kept.function_of(name): killer for name, killer in killers.items()},
+        "killers": killers,
         "clean": [] if is_measured else sorted({test for some in now.reached.values() for test in some}),
     }  # fmt: skip
     (copy / "work.json").write_text(json.dumps(work))

@@ -1,11 +1,12 @@
 """A plugin of pytest that tests mutants, each in a process that is forked once the tests have been collected.
 
 A mutant's process runs the tests that reach the mutant's function, and ends at the first that fails. First comes the
-test that killed the function's last mutant. No process collects, and none forks from one that has run a test: from
-such a one it would lack Taichi's threads, and wait for them.
+test that killed the function's last mutant, then those that killed others of its module. No process collects, and none
+forks from one that has run a test: from such a one it would lack Taichi's threads, and wait for them.
 
-One mutant that lives takes as long as hundreds that die. So each first gets its shortest tests, a few seconds of them.
-Those that are undecided then get the others, after all mutants have had their first turn.
+One mutant that lives takes as long as hundreds that die. So each first gets a few seconds of its tests. Those that are
+undecided then get the others, after all mutants have had their first turn. A mutant that no test reaches has its turn
+as well: all results by any time are then a sample.
 
 Before the mutants, one process runs the tests on the code itself. It measures how long each takes.
 """
@@ -22,23 +23,23 @@ import signal
 import sys
 import tempfile
 import time
-from collections import deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
 from pathlib import Path
 
 import psutil
 import pytest
 from mutmut.mutation.trampoline import set_mutant_under_test
 
-from tests.mutants.kept import SURVIVED, UNDECIDED, function_of
+from tests.mutants.kept import SURVIVED, UNDECIDED, WITHOUT_TESTS, function_of, module_of
 
 # Times what a test takes without a mutant, and s beyond that: a mutant that takes longer never ends, and is dead.
 # Processor time counts, so that a busy machine ends no mutant; STILL times that of wall time ends one that only waits.
 # Our choice: with mutmut's own 15 times all tests together, a mutant took 15 minutes in some rooms.
 SLOWER, SPARE, STILL = 5.0, 3.5, 4.0
 LOOK = 0.25  # s between two looks at whether a process lives; our choice: a hundredth of what mutants take together
+LEAST = 0.05  # s that any test takes, with its setup; our choice: else one of no time would outdo a hundred kills
 TURN = 2.0  # s of tests in a mutant's first turn; our choice: nine in ten of those that die do so in 0.3 s
 KILLED, INTERRUPTED, BROKEN, TIMEOUT = 1, 2, 3, 36  # mutmut's codes
 
@@ -88,7 +89,9 @@ class Child:
 class Forks:
     """Forks a process for each mutant, ends it in time, and writes down its result.
 
-    took: file of the durations [s] of each test's setup, call and teardown; results: file of a line for each mutant
+    - `took`: file of the durations [s] of each test's setup, call and teardown
+    - `results`: file of a line for each mutant
+    - `killers`: the test that killed each mutant of earlier runs
     """
 
     session: pytest.Session
@@ -102,6 +105,15 @@ class Forks:
         self.place = {name: number for number, name in enumerate(self.by_name)}
         self.durations: dict[str, dict[str, float]] = json.loads(self.took.read_text()) if self.took.exists() else {}
         self.beside: dict[Path, float] = {}  # s of the longest setup and teardown in each file
+        self.last: dict[str, str] = {}  # the test that killed each function's last mutant
+        self.deadly = defaultdict[str, Counter[str]](Counter)  # how many mutants of each module each test has killed
+        for mutant, killer in self.killers.items():
+            self.note(mutant, killer)
+
+    def note(self, mutant: str, killer: str) -> None:
+        """Take note of which test killed a mutant."""
+        self.last[function_of(mutant)] = killer
+        self.deadly[module_of(mutant)][killer] += 1
 
     def test_clean(self, names: Sequence[str]) -> None:
         """Run tests on the code itself, and write down how long they take; end pytest if one fails."""
@@ -127,13 +139,11 @@ class Forks:
                 name = waiting.popleft()
                 if name in second:
                     self.fork(name, self.ordered(name, second[name]))
-                else:
-                    few, others = self.turns(
-                        self.ordered(
-                            name, [self.by_name[test] for test in tests[mutants[name]] if test in self.by_name]
-                        )
-                    )
+                elif some := [self.by_name[test] for test in tests[mutants[name]] if test in self.by_name]:
+                    few, others = self.turns(self.ordered(name, some))
                     self.fork(name, few).left = others
+                else:
+                    self.write(name, WITHOUT_TESTS, None, 0.0)
             if self.children:
                 select.select([child.said for child in self.children.values()], [], [], LOOK)
                 for child in list(self.children.values()):
@@ -143,15 +153,34 @@ class Forks:
                         waiting.append(child.mutant)
 
     def turns(self, items: Sequence[pytest.Item]) -> tuple[Sequence[pytest.Item], Sequence[pytest.Item]]:
-        """Return the tests of a mutant's first turn, and those of its second."""
-        took = accumulate(self.durations.get(item.nodeid, {}).get("call", 0.0) for item in items)
-        first = max(1, sum(until <= TURN for until in took))
-        return items[:first], items[first:]
+        """Return the tests of a mutant's first turn, and of its second: the first, and what has room behind it."""
+        few, others, until = list(items[:1]), list[pytest.Item](), self.call(items[0])
+        for item in items[1:]:
+            if until + self.call(item) <= TURN:
+                few.append(item)
+                until += self.call(item)
+            else:
+                others.append(item)
+        return few, others
+
+    def call(self, item: pytest.Item) -> float:
+        """Return how long a test takes [s], without its setup."""
+        return self.durations.get(item.nodeid, {}).get("call", 0.0)
 
     def ordered(self, mutant: str, items: Sequence[pytest.Item]) -> list[pytest.Item]:
-        """Return tests in the order of the session, the one that killed the function's last mutant first."""
-        first = self.killers.get(function_of(mutant))
-        return sorted(items, key=lambda item: (item.nodeid != first, self.place[item.nodeid]))
+        """Return tests in the order in which they may kill a mutant.
+
+        First comes the test that killed the function's last mutant, then those that killed others of the module, the
+        most in a second first. Then come the tests of the module's own file, and the others as in the session.
+        """
+        last, module = self.last.get(function_of(mutant)), module_of(mutant)
+        deadly, own = self.deadly[module], f"test_{module.rpartition('.')[2]}.py"
+
+        def key(item: pytest.Item) -> tuple[bool, float, bool, int]:
+            rate = deadly[item.nodeid] / (LEAST + self.call(item))
+            return item.nodeid != last, -rate, item.path.name != own, self.place[item.nodeid]
+
+        return sorted(items, key=key)
 
     def fork(self, mutant: str, items: Sequence[pytest.Item]) -> Child:
         folder = Path(tempfile.mkdtemp(prefix="mutant-"))
@@ -218,9 +247,13 @@ class Forks:
             child.code = UNDECIDED
         killer = child.items[child.at].nodeid if child.code not in {SURVIVED, UNDECIDED} else None
         if killer:
-            self.killers[function_of(child.mutant)] = killer
+            self.note(child.mutant, killer)
+        self.write(child.mutant, child.code, killer, time.monotonic() - child.started)
+
+    def write(self, mutant: str, code: int, killer: str | None, took: float) -> None:
+        """Write down a mutant's result, the test that killed it, and how long that took [s]."""
         with self.results.open("a") as file:
-            print(json.dumps([child.mutant, child.code, killer, time.monotonic() - child.started]), file=file)
+            print(json.dumps([mutant, code, killer, took]), file=file)
 
     def end(self, *_: object) -> None:
         """End all processes, and this one."""

@@ -67,6 +67,11 @@ def function_of(mutant: str) -> str:
     return mutant.rsplit("__mutmut_", 1)[0]
 
 
+def module_of(mutant: str) -> str:
+    """Return the module of a mutant."""
+    return function_of(mutant).rpartition(".")[0]
+
+
 def file_of(test: str) -> str:
     """Return the file of a test."""
     return test.partition("::")[0]

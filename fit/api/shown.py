@@ -159,7 +159,7 @@ def _combination_row(c: Combination) -> tuple[str, ...]:
 def _added_line(finding: EffectFinding, named: list[str]) -> str:
     if not finding.tested:
         return f"{finding.id}: {finding.note}"
-    closed = "there is no gap to close"
+    closed = "no gap shows that it could close"
     if finding.closure is not None:
         closed = f"closes {100 * finding.closure.value:z.0f} % of the gap"
         if finding.closure.interval is not None:

@@ -36,6 +36,11 @@ UNREADABLE = (
 LARGEST_KEPT = 1 << 30  # bytes; our choice: derivatives by 59 parameters over an hour of 7 points at 30 a second
 
 
+def kept_as(active: tuple[str, ...]) -> str:
+    """Return the name under which a fit with these effects is kept."""
+    return "+".join(active)
+
+
 class Checkpoint:
     """A folder of finished fits; without a folder nothing is saved."""
 

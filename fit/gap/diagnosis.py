@@ -127,8 +127,9 @@ def diagnose(
         search.first_round(added, has_gap=is_off)
     if search.base is not before:
         resampling = resample(search.base.errors, rng)
-    if search.least is not before.fitted:
-        noise = noise_floor(judge, search.least.vector, search.least.amplitudes, rng)
+    if (quietest := search.least_chosen) is not before.fitted:
+        # The same draws again: two floors then differ by the model alone.
+        noise = noise_floor(judge, quietest.vector, quietest.amplitudes, np.random.default_rng(seed))
     if not predictability.passed:
         predictability = search.predictability()
     found_gates += [predictability, gate.convergence_gate(search.fits, search.least.cost)]
@@ -181,7 +182,9 @@ def diagnose(
         + from_raw.sentence(gap),
         named=verdict.named,
         gap=gap,
-        effects=described.describe_effects(evidence, best, effects, model, inclusion(found) if found else None),
+        effects=described.describe_effects(
+            evidence, best, effects, model, inclusion(found) if found else None, shows_gap=verdict.shows_gap
+        ),
         where=find_where(judge, judge.residuals(base.vector[None], observer.off[None])[0]),
         missing_force=missing_force,
         next_experiment=proposal,

@@ -68,11 +68,13 @@ def describe_gap(evidence: Evidence, best: Hypothesis | None, held_by_edge: Hypo
 
 def describe_effects(
     evidence: Evidence, best: Hypothesis | None, effects: tuple[Effect, ...], model: Parameterisation,
-    weighed: dict[str, float] | None = None,
+    weighed: dict[str, float] | None = None, *, shows_gap: bool = True,
 ) -> list[EffectFinding]:  # fmt: skip
     """Describe every effect of the library, largest closure first.
 
-    best: the hypothesis that the verdict names, if any; weighed: probabilities, if evidence decided the verdict
+    - best: the hypothesis that the verdict names, if any
+    - weighed: probabilities, if evidence decided the verdict
+    - shows_gap: whether the verdict sees a gap; without one no effect has a closure
 
     The amplitudes of effects that are named together come from their joint fit.
     """
@@ -137,7 +139,7 @@ def describe_effects(
                 components=dict(zip(effect.components, amplitude.tolist(), strict=True)) if len(amplitude) > 1 else {},
                 regions=list(effect.regions(amplitude)),
                 unit=effect.unit,
-                closure=evidence.closure_of(hypothesis) if hypothesis else None,
+                closure=evidence.closure_of(hypothesis) if hypothesis and shows_gap else None,
                 p_value=evidence.p_value(name) if is_tested_by_closure else None,
                 minimum_detectable=float(shown.max()) if can_show else None,
                 explained=signature.explained,

@@ -190,8 +190,9 @@ def numerics_gate(closed: float | None, numerics_mm: float, ratio: float) -> Gat
     """
     share = max(closed or 0.0, 0.0)
     sentence = (
-        f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the gap; "
-        f"at most {100 * LARGEST_NUMERICS:.0f} % is allowed. The mesh moves the points by about {numerics_mm:.1f} mm."
+        f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the squared "
+        f"error above the noise. At most {100 * LARGEST_NUMERICS:.0f} % is allowed. "
+        f"The mesh moves the points by about {numerics_mm:.1f} mm."
     )
     if closed is None:
         sentence = f"There is hardly a gap; the mesh moves the points by about {numerics_mm:.1f} mm."

@@ -10,7 +10,7 @@ import numpy as np
 
 from fit.gap import gates as gate
 from fit.gap.base_fit import across_valleys, middle
-from fit.gap.checkpoint import Checkpoint
+from fit.gap.checkpoint import Checkpoint, kept_as
 from fit.gap.closure import Resampling, gain_p_value
 from fit.gap.detectable import MESH_SHARE
 from fit.gap.edge_fit import disputed, leads, trust_in_edge
@@ -67,6 +67,7 @@ class Rounds:
         (self.base,) = judged(judge, fits[:1])
         self.screened: Screened
         self.singles: dict[str, Hypothesis] = {}
+        self.asked: frozenset[str] = frozenset()  # effects that are refitted on request alone
         self.joint: list[tuple[Hypothesis, float]] = []  # further effects, and the last one's p-value
         self.beside: dict[str, Screened] = {}  # screening of the other effects, given one effect
         self.instead: list[Hypothesis] = []  # two effects, one of them in the place of a twin
@@ -79,7 +80,8 @@ class Rounds:
         self.progress("screening the effects", 0.32)
         self.screened = screen(self.observer, self.base.fitted, self.tested)
         chosen = self._and_leads(shortlist(self.screened), self.screened, self.base.fitted) if has_gap else []
-        chosen += [name for name in self.screened if name in added and name not in chosen]
+        self.asked = frozenset(name for name in self.screened if name in added and name not in chosen)
+        chosen += [name for name in self.screened if name in self.asked]
         if not chosen:
             return
         self.progress(f"{counted(len(chosen), 'refit')}, each with one effect", 0.4)
@@ -109,10 +111,7 @@ class Rounds:
         self.singles = dict(zip(self.singles, again, strict=True))
 
     def _by_edge(self, found: list[Hypothesis], numerics: float, came: str = "") -> list[Hypothesis]:
-        """Return hypotheses, refitted where the held edge disputes their amplitudes.
-
-        came: the origin of the hypotheses, which is part of the names of their saved fits
-        """
+        """Return hypotheses, refitted where the held edge disputes amplitudes; came: their origin, for saved fits."""
         if not self.observer.layout.is_edge.any():
             return found
         trust, without = trust_in_edge(self.observer, numerics), self.base.fitted.residual
@@ -153,6 +152,12 @@ class Rounds:
     def least(self) -> Fitted:
         """The refit of least cost, with or without an effect."""
         return min((h.fitted for h in (self.base, *self.singles.values())), key=lambda f: f.cost)
+
+    @property
+    def least_chosen(self) -> Fitted:
+        """The refit of least cost without requested effects, so that these change no noise, which is measured at it."""
+        own = (h.fitted for name, h in self.singles.items() if name not in self.asked)
+        return min((self.base.fitted, *own), key=lambda f: f.cost)
 
     def predictability(self) -> Gate:
         """Return the predictability gate for the refit of least cost, because a fit without effects may be too limp."""
@@ -388,11 +393,6 @@ class Rounds:
         if verdict.verdict in {"effect", "ambiguous"}:
             return self.singles[verdict.named[0]]
         return None
-
-
-def kept_as(active: tuple[str, ...]) -> str:
-    """Return the checkpoint's name of a fit with these effects."""
-    return "+".join(active)
 
 
 def _held_out_error(pair: tuple[Hypothesis, float]) -> float:

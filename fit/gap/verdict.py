@@ -60,12 +60,16 @@ def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict, its named effects, its sentence, and the alternatives of each named effect."""
+    """The verdict, its named effects, its sentence, and the alternatives of each named effect.
+
+    shows_gap: false where the sentence says that no gap shows, so that no effect has a share of one
+    """
 
     verdict: str
     named: list[str]
     sentence: str
     alternatives: dict[str, list[str]] = field(default_factory=dict)
+    shows_gap: bool = True
 
 
 def decide(evidence: Evidence) -> Verdict:
@@ -160,12 +164,13 @@ def no_gap(evidence: Evidence, *, has_gap: bool) -> Verdict:
     power = power_of(evidence)
     if power.reason:
         said = f"No gap shows, but {power.reason}. These could not have been seen: {power.listed}. {numbers}"
-        return Verdict("inconclusive", [], f"{said}{hidden}{power.advice}{describe_held_edge(evidence)}")
+        sentence = f"{said}{hidden}{power.advice}{describe_held_edge(evidence)}"
+        return Verdict("inconclusive", [], sentence, shows_gap=False)
     where = "" if is_edge_explained(evidence.base.errors.edge) else " in the cloth below its held edge"
     none = f"No gap{where}: the base model explains the motion down to noise and mesh. {numbers}{hidden}"
     if power.unseen:
         none += f" At their usual sizes, these takes could not have shown: {power.listed}."
-    return Verdict("none", [], none + describe_held_edge(evidence))
+    return Verdict("none", [], none + describe_held_edge(evidence), shows_gap=False)
 
 
 def share_closed(evidence: Evidence, hypothesis: Hypothesis) -> str:

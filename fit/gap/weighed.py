@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fit.gap.checkpoint import kept_as
 from fit.gap.closure import block_errors, gain_p_value
 from fit.gap.edge_words import describe_held_edge, still_off
 from fit.gap.evidence import RIVAL, SMALLEST_CLOSURE, Evidence
@@ -30,7 +31,7 @@ from fit.gap.floor import Floor, measured_noise
 from fit.gap.hypotheses import Hypothesis, judged
 from fit.gap.numerics import Refined
 from fit.gap.posterior import Found, Mass, Search, Subset
-from fit.gap.rounds import Rounds, kept_as
+from fit.gap.rounds import Rounds
 from fit.gap.screening import screen
 from fit.gap.verdict import Verdict, gap_numbers, is_brought, lacks, no_gap, share_closed, with_unit
 from fit.observer.edge import is_edge_explained, is_favoured_by_edge
@@ -78,7 +79,9 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     several = [one for one in found.fits.values() if len(one.active) > 1]
     opened = judged(rounds.judge, singles + several)
     rounds.singles = {h.effects[0]: h for h in opened if len(h.effects) == 1}
-    rounds.refit_alone([name for name in rounds.screened if name in added and name not in rounds.singles])
+    asked = [name for name in rounds.screened if name in added and name not in rounds.singles]
+    rounds.asked = frozenset(asked)
+    rounds.refit_alone(asked)
     rounds.joint = [(h, 0.0) for h in opened if len(h.effects) > 1]
     return found
 

@@ -29,10 +29,11 @@ def measured_again(monkeypatch, by, base="first", least="first"):
     observer = SimpleNamespace(off="off")
     observer.of = lambda test: observer
     gates = SimpleNamespace(passed=True)
-    search = SimpleNamespace(base=fits["first"], least=fits["first"].fitted, fits=[])
+    first = fits["first"].fitted
+    search = SimpleNamespace(base=fits["first"], least=first, least_chosen=first, fits=[])
 
     def end_round(*given, **more):
-        search.base, search.least = fits[base], fits[least].fitted
+        search.base, search.least, search.least_chosen = fits[base], fits[base].fitted, fits[least].fitted
 
     search.first_round, search.sizes_by_edge = end_round, lambda mm: None
     search.predictability = lambda: gates

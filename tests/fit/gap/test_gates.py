@@ -205,7 +205,8 @@ GATES = [
         lambda: [numerics_gate(0.41, 1.2, 1.5), numerics_gate(None, 1.2, 1.5)],
         [
             ("mesh and step", False, 41.0, 40.0, "%", "A mesh 1.5 times finer with its smaller step, refitted, removes "
-             "41 % of the gap; at most 40 % is allowed. The mesh moves the points by about 1.2 mm."),
+             "41 % of the squared error above the noise. At most 40 % is allowed. The mesh moves the points by about "
+             "1.2 mm."),
             ("mesh and step", True, 0.0, 40.0, "%", "There is hardly a gap; the mesh moves the points by about 1.2 "
              "mm."),
         ],

@@ -78,7 +78,7 @@ class FirmwareReplyError(FirmwareError):
 class FirmwareRefusalError(FirmwareError):
     """The firmware answered with an error code, kept as `code`."""
 
-    def __init__(self, what: str, *, code: int, where: object = None, advice: str = "") -> None:
+    def __init__(self, what: str, *, code: int, where: object, advice: str) -> None:
         self.code = code
         super().__init__(what, where=where, advice=advice)
 

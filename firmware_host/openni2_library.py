@@ -46,13 +46,15 @@ def load() -> Any:
         from openni import _openni2, openni2
     except ModuleNotFoundError as error:
         raise SensorUnavailableError(
-            "the Python package `openni` is not installed", advice="in Hangtime's checkout: pip install -e '.[capture]'"
+            "the Python package `openni` is not installed",
+            where=None,
+            advice="in Hangtime's checkout: pip install -e '.[capture]'",
         ) from error
     try:
         _openni2.load_dll(LIBRARY_NAME)
     except OSError as error:
         raise SensorUnavailableError(
-            f"the OpenNI2 library ({LIBRARY_NAME}) is not installed", advice=INSTALL_ADVICE
+            f"the OpenNI2 library ({LIBRARY_NAME}) is not installed", where=None, advice=INSTALL_ADVICE
         ) from error
     try:
         _openni2.oniInitialize(_openni2.ONI_API_VERSION)

@@ -249,7 +249,9 @@ def _quantised(values: Floats, valid: Booleans, step: Floats) -> Integers:
     flat = np.where(valid[..., None], values, 0.0).reshape(len(values), -1)
     whole = np.rint(flat / step[:, None])
     if (np.abs(whole * step[:, None] - flat) > 0.5 * step[:, None] * (1 + 1e-6)).any():
-        raise TakeError("a place would be stored off by more than half a step", advice="this is a fault of Hangtime")
+        raise TakeError(
+            "a place would be stored off by more than half a step", where=None, advice="this is a fault of Hangtime"
+        )
     return _filled(whole, np.repeat(valid, 3, axis=1)).astype(np.int64)
 
 

@@ -150,13 +150,13 @@ def _spoken(error: BaseException) -> HangtimeError | None:
         library = (error.name or "").split(".")[0]
         if library in {"", "formats", "firmware_host", "capture", "fit"}:
             return None
-        return HangtimeError(f"{library} is not installed", advice=_how_to_get(library))
+        return HangtimeError(f"{library} is not installed", where=None, advice=_how_to_get(library))
     if isinstance(error, OSError):
         return of_system(error)
     if type(error).__name__ == PANIC:
         cause = str(error).partition("\n")[0]
         return HangtimeError(
-            f"a library failed ({cause})", advice="check the addresses, keys and settings it was given"
+            f"a library failed ({cause})", where=None, advice="check the addresses, keys and settings it was given"
         )
     return None
 

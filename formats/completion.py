@@ -36,6 +36,7 @@ def choose_shell() -> None:
         found = running[0] or Path(own).name or "no shell"
         raise HangtimeError(
             f"bash, zsh, fish and PowerShell complete commands, and this is {found}",
+            where=None,
             advice="run the command in one of these, or set SHELL to one",
         )
 

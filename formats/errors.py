@@ -27,12 +27,13 @@ WHOLE_STAY = "whole files stay, and `fit`, `diagnose`, `blind` and `batch` go on
 class HangtimeError(Exception):
     """An error with one clear sentence: what, where, and what to do next.
 
-    words: the sentence without the place, for a caller that names the place itself
+    - `where`: the file, option or part; None where `what` names it
+    - `words`: the sentence without the place, for a caller that names the place itself
     """
 
     exit_code = 2
 
-    def __init__(self, what: str, *, where: object = None, advice: str = "") -> None:
+    def __init__(self, what: str, *, where: object, advice: str) -> None:
         self.what, self.where, self.advice = what, where, advice
         place = f"{where if isinstance(where, Path) else shortened(str(where))}: " if where is not None else ""
         self.words = plain(with_advice(what, advice))

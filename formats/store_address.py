@@ -55,12 +55,14 @@ def folder_of(url: str) -> Path | None:
         AddressError: the address is empty or of another kind.
     """
     if not url.strip():
-        raise AddressError("no folder or bucket was given", advice="give a path or an address; is a variable empty?")
+        raise AddressError(
+            "no folder or bucket was given", where=None, advice="give a path or an address; is a variable empty?"
+        )
     parts = urlsplit(url)
     if "://" not in url:
         if parts.scheme in BUCKETS:
             raise AddressError(
-                f"{url!r} lacks a // behind {parts.scheme}:", advice=f"write {parts.scheme}://BUCKET/NAME"
+                f"{url!r} lacks a // behind {parts.scheme}:", where=None, advice=f"write {parts.scheme}://BUCKET/NAME"
             )
         return Path(url)
     if parts.scheme == "file":
@@ -75,6 +77,7 @@ def folder_of(url: str) -> Path | None:
         return None
     raise AddressError(
         f"{without_secrets(url)!r} is neither a folder nor a bucket",
+        where=None,
         advice="give a path, file:///..., s3://..., gs://... or az://...",
     )
 

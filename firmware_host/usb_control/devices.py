@@ -88,13 +88,17 @@ def load_backend() -> Any:
         import usb.backend.libusb1
     except ModuleNotFoundError as error:
         raise SensorUnavailableError(
-            "the Python package `pyusb` is not installed", advice="in Hangtime's checkout: pip install -e '.[capture]'"
+            "the Python package `pyusb` is not installed",
+            where=None,
+            advice="in Hangtime's checkout: pip install -e '.[capture]'",
         ) from error
     try:
         ctypes.CDLL(LIBUSB)
     except OSError as error:
         raise SensorUnavailableError(
-            f"the USB library ({LIBUSB}) is not installed", advice="install it: apt-get install libusb-1.0-0"
+            f"the USB library ({LIBUSB}) is not installed",
+            where=None,
+            advice="install it: apt-get install libusb-1.0-0",
         ) from error
     backend = usb.backend.libusb1.get_backend(find_library=lambda _: LIBUSB)
     if backend is None:

@@ -173,7 +173,7 @@ def diagnose(
     folder = path_of(checkpoint, "checkpoint", "the path of a folder") if checkpoint is not None else None
     training, testing = sorted_out(takes, held_out, held_out_motion, anyway=anyway, spacing=mesh)
     if not training:
-        raise FitError("no take was given", advice="name at least one take archive")
+        raise FitError("no take was given", where=None, advice="name at least one take archive")
     add, without = names_of(add, "add"), names_of(without, "without")
     library = library_of(add, without)
     with diagnosis_shown(progress) as show:

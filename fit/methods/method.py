@@ -86,6 +86,7 @@ class Parameterisation:
         if not {p.name for p in self.parameters} & set(values):
             raise FitError(
                 f"the method {self.name} cannot start from {origin}",
+                where=None,
                 advice="use --method mocap-swatch, or a start of its own parameters",
             )
         moved = tuple(

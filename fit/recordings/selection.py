@@ -72,7 +72,7 @@ def check_together(training: list[Take], held_out: list[Take]) -> list[str]:
         FitError: no take, takes of different garments, or two that hold frames of one recording.
     """
     if not training:
-        raise FitError("no take was given", advice="name at least one take archive")
+        raise FitError("no take was given", where=None, advice="name at least one take archive")
     every = training + held_out
     for take in every[1:]:
         if take.garment.as_meant != every[0].garment.as_meant:
@@ -116,10 +116,12 @@ def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Tak
     with naming_damage(takes):
         for kind in kinds:
             if kind not in by_take:
-                raise FitError(f"no take moves {kind!r}", advice=f"the takes move like this: {there}")
+                raise FitError(f"no take moves {kind!r}", where=None, advice=f"the takes move like this: {there}")
         if kinds and set(by_take) <= set(kinds):
             raise FitError(
-                "every take is held out and none is left to fit to", advice=f"the takes move like this: {there}"
+                "every take is held out and none is left to fit to",
+                where=None,
+                advice=f"the takes move like this: {there}",
             )
     both = list(zip(takes, by_take, strict=True))
     return [t for t, kind in both if kind not in kinds], [t for t, kind in both if kind in kinds]

@@ -66,7 +66,7 @@ def check_blocks(block: Integers) -> None:
         FitError: fewer than three blocks.
     """
     if lack := too_few_halves(len(np.unique(block))):
-        raise FitError(f"the takes are too short: {lack}", advice="record a longer take")
+        raise FitError(f"the takes are too short: {lack}", where=None, advice="record a longer take")
 
 
 @dataclass(frozen=True, kw_only=True)

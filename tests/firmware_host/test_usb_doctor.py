@@ -316,7 +316,9 @@ def test_without_libusb_the_doctors_first_line_says_how_to_get_it(
     command: CliRunner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def load_backend() -> None:
-        raise SensorUnavailableError("the USB library is not installed", advice="apt-get install libusb-1.0-0")
+        raise SensorUnavailableError(
+            "the USB library is not installed", where=None, advice="apt-get install libusb-1.0-0"
+        )
 
     monkeypatch.setattr(devices, "load_backend", load_backend)
     result = command.invoke(app, ["sensor", "doctor"])

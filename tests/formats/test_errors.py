@@ -7,6 +7,8 @@ import pytest
 from formats.errors import HangtimeError
 from tests.whole_errors import missing_of
 
+NOTHING = {"where": None, "advice": ""}
+
 
 @pytest.fixture
 def whole_errors():
@@ -24,7 +26,7 @@ def whole_errors():
     ],
 )
 def test_an_error_says_where_what_and_what_to_do_next(words, sentence):
-    error = HangtimeError(**words)
+    error = HangtimeError(**NOTHING | words)
     assert str(error) == sentence
     assert (error.what, error.where, error.advice) == (words["what"], words.get("where"), words.get("advice", ""))
     assert error.exit_code == 2
@@ -41,4 +43,11 @@ def test_an_error_says_where_what_and_what_to_do_next(words, sentence):
     ],
 )
 def test_an_error_that_lacks_a_part_fails_the_test_that_meets_it(words, missing):
-    assert missing_of(HangtimeError(**words)) == missing
+    assert missing_of(HangtimeError(**NOTHING | words)) == missing
+
+
+@pytest.mark.parametrize("words", [{"where": "a.mcap"}, {"advice": "record again"}, {}])
+def test_no_error_is_made_without_a_word_on_its_place_and_the_next_step(words):
+    """So that the type check refuses one, whether a test meets it or not."""
+    with pytest.raises(TypeError, match="required keyword-only argument"):
+        HangtimeError("is empty", **words)

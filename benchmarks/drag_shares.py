@@ -8,20 +8,10 @@ The demo's own set comes first. Then the fit's sources of error are added one at
     law      a constant coefficient, or the planted one, which falls with the angle of attack
     points   exact; with white noise of points or held ends; as the camera shows them
     free     the drag alone, all parameters, or all parameters but velocity damping, the rest at the truth
-    drawn    the camera's cloth: a pixel that any of the cloth falls into, or a pixel whose centre's ray meets the cloth
 
 Fits are least squares from the truth and from softer, more viscous cloth; the lower cost counts. Every row states the
 fitted drag over 1.2 as mean with its standard error over the sets, and of every set. The shares at the end are
 differences of two rows within each set, since the sets' own scatter is common to both.
-
-A pixel k covers k - 1/2 to k + 1/2, as the plates are drawn and as the tracker moves the outline outwards. So it shows
-the cloth where the ray of its centre k meets one of the triangles between neighbouring drawn points. A triangle's plane
-is linear in inverse depth,
-
-    1/z = (1 - b - c) / z_0 + b / z_1 + c / z_2
-
-with barycentric coordinates b and c in the image. A piece of less than a pixel has no other centre in it than the one
-nearest to its middle.
 """
 
 from __future__ import annotations
@@ -44,8 +34,7 @@ from benchmarks.demo_seeds import PLANTED, equivalent_drag
 from benchmarks.tracking_scenes import Scene, Shown, ShownSensor
 from capture.recording.session import record
 from firmware_host.synthetic import cloth
-from firmware_host.synthetic.render import Renderer
-from firmware_host.synthetic.scene import CAMERA, RIG
+from firmware_host.synthetic.scene import RIG
 from firmware_host.synthetic.world import FIRST_STAMP, World, make_world
 from fit.cloth.model import Resolution
 from fit.effects import find_effects
@@ -72,8 +61,8 @@ SOFTER = np.array([310.0, 39.0, 1.7e-5, 4e-3, 0.37, 1.08])
 DRAG, VELOCITY = 5, 4
 PRIOR_SHARE = 0.5  # of the box, deviation of the prior: so weak that the takes decide
 EXACT, HELD_NOISY = "planted law: all parameters", "with noise of the held ends: all"
-AS_DRAWN, CENTRES = "camera, any cloth in a pixel: all", "camera, centres: all"
-SHARES = ((HELD_NOISY, EXACT), (AS_DRAWN, EXACT), (AS_DRAWN, CENTRES), (CENTRES, EXACT))  # rows whose difference counts
+CAMERA = "camera: all parameters"
+SHARES = ((HELD_NOISY, EXACT), (CAMERA, EXACT))  # rows whose difference counts
 NEAR = LeastSquaresSettings(step=0.01, max_iterations=10, cost_tolerance=1e-4, step_tolerance=1e-4)
 
 
@@ -83,33 +72,6 @@ def constant_drag(body: cloth._Cloth) -> Floats:
     normal = np.cross((d[:3] - a[:3]).T, (c[:3] - b[:3]).T).T
     along = (0.25 * (a[3:] + b[3:] + c[3:] + d[3:]) * normal).sum(0) / (np.linalg.norm(normal, axis=0) + 1e-15)
     return np.asarray(-0.0625 * AIR_DENSITY * body.drag * np.abs(along) * along * normal)
-
-
-def at_centres(renderer: Renderer, fine: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, depths [m] and drawn points, far first, of the pixels whose centre's ray meets the cloth."""
-    z = fine[..., 2]
-    image = np.stack([CAMERA.fx * fine[..., 0] / z + CAMERA.cx, CAMERA.fy * fine[..., 1] / z + CAMERA.cy, 1 / z])
-    corners = [image[:, :-1, :-1], image[:, :-1, 1:], image[:, 1:, 1:], image[:, 1:, :-1]]
-    middle = np.rint(np.mean(corners, axis=0)[:2])
-    nearness = np.zeros(middle.shape[1:])  # 1/m; 0 where no triangle holds the centre
-    for one, two, three in ((0, 1, 2), (0, 2, 3)):
-        begin = corners[one]
-        p, q, to = corners[two] - begin, corners[three] - begin, middle - begin[:2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            b = (to[0] * q[1] - q[0] * to[1]) / (p[0] * q[1] - q[0] * p[1])
-            c = (p[0] * to[1] - to[0] * p[1]) / (p[0] * q[1] - q[0] * p[1])
-            held = np.where((b >= 0) & (c >= 0) & (b + c <= 1), begin[2] + b * p[2] + c * q[2], 0.0)
-        nearness = np.maximum(nearness, held)
-    u, v = middle
-    inside = (u >= 0) & (u < CAMERA.width) & (v >= 0) & (v < CAMERA.height) & renderer._drawn.reshape(z.shape)[:-1, :-1]
-    row, column = np.nonzero(inside & (nearness > 0) & (nearness < 10.0))
-    order = np.argsort(nearness[row, column], kind="stable")
-    row, column = row[order], column[order]
-    return (
-        (v[row, column] * CAMERA.width + u[row, column]).astype(np.int64),
-        1 / nearness[row, column],
-        row * z.shape[1] + column,
-    )
 
 
 @cache
@@ -143,11 +105,10 @@ def exact(number: int, is_constant: bool, point_noise: float = 0.0, held_noise: 
 
 
 @cache
-def seen(number: int, is_centred: bool) -> tuple[Take, ...]:
+def seen(number: int) -> tuple[Take, ...]:
     """Return a set's takes as the camera shows them and as they are tracked."""
     takes = []
-    drawing = at_centres if is_centred else Renderer._projected
-    with tempfile.TemporaryDirectory() as folder, patch.object(Renderer, "_projected", drawing):
+    with tempfile.TemporaryDirectory() as folder:
         for motion, world in zip(MOTIONS, worlds(number, False), strict=True):
             renderer, count = world.renderer(), len(world.time)
             depth, colour = (np.stack(i) for i in zip(*(world.frame(n, renderer) for n in range(count)), strict=True))
@@ -207,10 +168,8 @@ def main(count: int) -> None:
         EXACT: lambda n: fitted(exact(n, False)),
         "with noise of the points: all": lambda n: fitted(exact(n, False, POINT_NOISE)),
         HELD_NOISY: lambda n: fitted(exact(n, False, 0.0, HELD_NOISE)),
-        "camera, any cloth in a pixel: drag alone": lambda n: fitted(seen(n, False), [DRAG]),
-        AS_DRAWN: lambda n: fitted(seen(n, False)),
-        "camera, centres: drag alone": lambda n: fitted(seen(n, True), [DRAG]),
-        CENTRES: lambda n: fitted(seen(n, True)),
+        "camera: drag alone": lambda n: fitted(seen(n), [DRAG]),
+        CAMERA: lambda n: fitted(seen(n)),
     }
     rows = dict[str, Floats]()
     for name, step in steps.items():

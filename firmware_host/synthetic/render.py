@@ -1,8 +1,17 @@
 """Render the synthetic world: true depth and colour of a wall, a clamp bar, two marker plates and the cloth.
 
-Pinhole camera: u = fx x / z + cx, v = fy y / z + cy. The cloth is a grid of nodes, bilinear between them. Its points
-are about half a pixel apart and are drawn into a depth buffer. Plates and bar are flat, and each pixel's ray meets them
-exactly.
+Pinhole camera: u = fx x / z + cx, v = fy y / z + cy. Pixel k covers k - 1/2 to k + 1/2 (`docs/reference/sensors.md`,
+"Where a pixel is"). It shows what the ray of its centre meets, so a straight edge is drawn without a constant error:
+
+    first pixel = ceil(u_left),   E[ceil(u_left) - 1/2] = u_left       over all positions of the edge
+
+The cloth is a grid of nodes, bilinear between them. Pieces of about half a pixel divide each cell into triangles. The
+plane of a triangle is linear in inverse depth,
+
+    1/z = (1 - b - c) / z_0 + b / z_1 + c / z_2
+
+with barycentric coordinates b and c in the image. The nearest triangle on a ray counts. Plates, bar and panels are
+flat, and each pixel's ray meets them exactly.
 """
 
 from __future__ import annotations
@@ -10,17 +19,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_host.synthetic.pattern import Pattern
 from firmware_host.synthetic.scene import BAR_SIZE, CAMERA, HANGER, MARKER_BITS, PLATE_SIZE, WALL_DISTANCE
 from firmware_host.synthetic.surroundings import Panel, Surroundings, draw_panel
-from formats.arrays import Booleans, Floats, Integers
+from formats.arrays import Floats, Integers
 
 # a side, per pixel of plates and bar. Our choice: edges in steps of a ninth of a pixel's area. Half and double were
 # not tried.
 SAMPLES_A_SIDE = 3
-DRAWN_SPACING = 1.3e-3  # m between drawn points of the cloth: half a pixel at 1.5 m, so that no pixel stays empty
+DRAWN_SPACING = 1.3e-3  # m, longest side of a piece of the flat cloth: half a pixel at 1.5 m
+NEAREST_DRAWN = 0.1  # m; our choice: a sensor measures nothing below 0.4 m
+SHARED_EDGE = 1e-9  # of a triangle: rounding leaves no ray between two triangles that share an edge
 # Our choice: brightness, 0 to 255, that keeps wall, bar, cloth and plates apart.
 WALL, BAR_GREY, CLOTH, WHITE, BLACK = 128.0, 60.0, (176.0, 74.0, 82.0), 235.0, 22.0
 LIGHT_DIRECTION = np.array([0.3, -0.5, -0.8]) / np.linalg.norm([0.3, -0.5, -0.8])  # our choice: light from above
@@ -41,16 +51,13 @@ class Renderer:
         self, pattern: Pattern, surroundings: Surroundings | None = None, spacing: float = DRAWN_SPACING
     ) -> None:
         rows, columns, _ = pattern.rest.shape
-        height = float(np.abs(np.diff(pattern.rest[..., 1], axis=0)).max(1).sum())
-        width = float(np.abs(np.diff(pattern.rest[..., 0], axis=1)).max(0).sum())
-        fine_rows, fine_columns = int(height / spacing), int(width / spacing)
-        self._down, self._across = _interpolation(rows, fine_rows), _interpolation(columns, fine_columns)
-        row, column = (np.minimum(np.linspace(0, n - 1, fine).astype(int), n - 2)
-                       for n, fine in ((rows, fine_rows), (columns, fine_columns)))  # fmt: skip
-        self._drawn = pattern.is_cloth[row][:, column].ravel()
+        row_pieces, column_pieces = (
+            int(np.ceil(np.linalg.norm(np.diff(pattern.rest, axis=axis), axis=2).max() / spacing)) for axis in (0, 1)
+        )
+        self._down, self._across = _interpolation(rows, row_pieces), _interpolation(columns, column_pieces)
+        self._is_cloth = pattern.is_cloth.repeat(row_pieces, axis=0).repeat(column_pieces, axis=1)
         flat = self._fine(pattern.rest)[..., :2]
-        self._flat = flat.reshape(-1, 2)
-        self._pieces = _pieces(flat, self._drawn.reshape(flat.shape[:2]))
+        self._middles, self._areas = _middles(flat), _areas(flat)
         v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width].astype(float)
         # A wall with a faint pattern, so that colour images are not flat.
         wall = WALL + 14 * np.sin(u / 23.0) * np.sin(v / 31.0)
@@ -80,15 +87,16 @@ class Renderer:
         return View(depth, colour)
 
     def shown(self, nodes: Floats, in_front: tuple[Panel, ...] = ()) -> tuple[Floats, Floats]:
-        """Return true depth [m], (height, width), without the hanger, and each pixel's point on the flat garment.
+        """Return true depth [m], (height, width), without the hanger, and each pixel's place on the flat garment.
 
-        Points [m], (height, width, 2), NaN where a pixel shows no cloth; nodes, in_front: see `cloth`.
+        Places [m], (height, width, 2), are the middles of pieces, NaN where a pixel shows no cloth; nodes, in_front:
+        see `cloth`.
         """
         depth = self._behind.depth.copy()
         places = np.full((*depth.shape, 2), np.nan)
-        pixel, z, which = self._projected(self._fine(nodes))
+        pixel, z, piece = self._at_centres(nodes)
         depth.reshape(-1)[pixel] = z
-        places.reshape(-1, 2)[pixel] = self._flat[which]
+        places.reshape(-1, 2)[pixel] = self._middles.reshape(-1, 2)[piece]
         bare = depth.copy()
         for panel in in_front:
             draw_panel(panel, depth, np.zeros((*depth.shape, 3)))
@@ -97,50 +105,89 @@ class Renderer:
 
     def area_near(self, place: Floats, radius: float) -> float:
         """Return the area [m^2] of the flat garment within a radius [m] of a point [m], (2,)."""
-        middles, areas = self._pieces
-        return float(areas[((middles - place) ** 2).sum(1) < radius**2].sum())
+        is_near = ((self._middles - place) ** 2).sum(2) < radius**2
+        return float(self._areas[is_near & self._is_cloth].sum())
 
     def _fine(self, nodes: Floats) -> Floats:
         """Return the drawn points, (fine rows, fine columns, 3), of nodes, (rows, columns, 3)."""
         rows, columns, _ = nodes.shape
         return np.asarray(self._across @ (self._down @ nodes.reshape(rows, -1)).reshape(-1, columns, 3))
 
-    def _projected(self, fine: Floats) -> tuple[Integers, Floats, NDArray[np.intp]]:
-        """Return pixels, depths [m] and numbers of the drawn points in the image, far first: the nearest overwrites."""
-        z = fine[..., 2].ravel()
-        u = np.rint(CAMERA.fx * fine[..., 0].ravel() / z + CAMERA.cx).astype(np.int64)
-        v = np.rint(CAMERA.fy * fine[..., 1].ravel() / z + CAMERA.cy).astype(np.int64)
-        inside = (u >= 0) & (u < CAMERA.width) & (v >= 0) & (v < CAMERA.height) & (z > 0.1) & self._drawn
-        which = np.flatnonzero(inside)
-        which = which[np.argsort(-z[which], kind="stable")]
-        return (v * CAMERA.width + u)[which], z[which], which
+    def _at_centres(self, nodes: Floats) -> tuple[Integers, Floats, Integers]:
+        """Return pixels, depths [m] and numbers of the pieces on the rays of pixels' centres, far first."""
+        x, y, z = np.moveaxis(self._fine(nodes), 2, 0)
+        nearness = 1 / np.maximum(z, 0.5 * NEAREST_DRAWN)
+        image = np.stack([CAMERA.fx * x * nearness + CAMERA.cx, CAMERA.fy * y * nearness + CAMERA.cy, nearness])
+        begin = np.maximum(np.ceil(_of_corners(np.minimum, image[:2])), 0).astype(np.int64)
+        last = np.array([CAMERA.width - 1, CAMERA.height - 1])[:, None, None]
+        end = np.minimum(np.floor(_of_corners(np.maximum, image[:2])), last).astype(np.int64)
+        is_drawn = self._is_cloth & (end >= begin).all(0) & (_of_corners(np.minimum, z[None])[0] > NEAREST_DRAWN)
+        row, column = np.nonzero(is_drawn)
+        corners = [image[:, row + down, column + across] for down, across in ((0, 0), (0, 1), (1, 1), (1, 0))]
+        begin, end = begin[:, row, column], end[:, row, column]
+        piece = row * self._is_cloth.shape[1] + column
+        found = [np.zeros((3, 0))]
+        reach = (end - begin).max(1, initial=-1) + 1  # px that a piece may hold, across and down: 1 but for near cloth
+        for step in np.ndindex(*reach):
+            centre = begin + np.array(step)[:, None]
+            near = np.where((centre <= end).all(0), _nearest_of_two_triangles(corners, centre), 0.0)
+            found.append(np.stack([centre[1] * CAMERA.width + centre[0], piece, near])[:, near > 0])
+        pixel, piece, near = np.concatenate(found, axis=1)
+        order = np.argsort(near, kind="stable")
+        return pixel[order].astype(np.int64), 1 / near[order], piece[order].astype(np.int64)
 
     def _draw_cloth(self, nodes: Floats, depth: Floats, colour: Floats) -> None:
         along, down = np.gradient(nodes, axis=1), np.gradient(nodes, axis=0)
         normal = np.cross(along, down)
         normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-12)
         shade = 0.35 + 0.65 * np.abs(normal @ LIGHT_DIRECTION)
-        shade = self._down @ shade @ self._across.T
-        pixel, z, which = self._projected(self._fine(nodes))
+        shade = _middles((self._down @ shade @ self._across.T)[..., None])
+        pixel, z, piece = self._at_centres(nodes)
         depth.reshape(-1)[pixel] = z
-        colour.reshape(-1, 3)[pixel] = shade.ravel()[which, None] * np.asarray(CLOTH)
+        colour.reshape(-1, 3)[pixel] = shade.reshape(-1, 1)[piece] * np.asarray(CLOTH)
 
 
-def _pieces(flat: Floats, drawn: Booleans) -> tuple[Floats, Floats]:
-    """Return middles [m], (pieces, 2), and areas [m^2], (pieces,), of the pieces between neighbouring drawn points."""
+def _of_corners(best: np.ufunc, values: Floats) -> Floats:
+    """Return the least or most, (k, pieces down, pieces across), of values, (k, fine rows, fine columns)."""
+    along = best(values[:, 1:], values[:, :-1])
+    return np.asarray(best(along[:, :, 1:], along[:, :, :-1]))
+
+
+def _nearest_of_two_triangles(corners: list[Floats], centre: Integers) -> Floats:
+    """Return 1/z [1/m], (n,), where the rays of pixels, (2, n), first meet quadrilaterals, 0 where they miss them.
+
+    corners: four of (3, n), columns, rows and 1/z.
+    """
+    nearest = np.zeros(centre.shape[1])
+    for one, two, three in ((0, 1, 2), (0, 2, 3)):
+        origin = corners[one]
+        p, q, to = corners[two] - origin, corners[three] - origin, centre - origin[:2]
+        with np.errstate(divide="ignore", invalid="ignore"):  # a triangle seen edge-on holds no ray
+            b = (to[0] * q[1] - q[0] * to[1]) / (p[0] * q[1] - q[0] * p[1])
+            c = (p[0] * to[1] - to[0] * p[1]) / (p[0] * q[1] - q[0] * p[1])
+            is_met = (b >= -SHARED_EDGE) & (c >= -SHARED_EDGE) & (b + c <= 1 + SHARED_EDGE)
+            nearest = np.maximum(nearest, np.where(is_met, origin[2] + b * p[2] + c * q[2], 0.0))
+    return np.asarray(nearest)
+
+
+def _middles(fine: Floats) -> Floats:
+    """Return the means of corners, (pieces down, pieces across, k), of values, (fine rows, fine columns, k)."""
+    return np.asarray(0.25 * (fine[1:, 1:] + fine[1:, :-1] + fine[:-1, 1:] + fine[:-1, :-1]))
+
+
+def _areas(flat: Floats) -> Floats:
+    """Return the areas [m^2], (pieces down, pieces across), between points [m], (fine rows, fine columns, 2)."""
     down, across = flat[1:, :-1] - flat[:-1, :-1], flat[:-1, 1:] - flat[:-1, :-1]
-    areas = np.abs(down[..., 0] * across[..., 1] - down[..., 1] * across[..., 0])
-    middles = 0.25 * (flat[1:, 1:] + flat[1:, :-1] + flat[:-1, 1:] + flat[:-1, :-1])
-    return middles[drawn[:-1, :-1]], areas[drawn[:-1, :-1]]
+    return np.asarray(np.abs(down[..., 0] * across[..., 1] - down[..., 1] * across[..., 0]))
 
 
-def _interpolation(count: int, fine: int) -> Floats:
-    """Weights, (fine, count), of linear interpolation."""
-    place = np.linspace(0, count - 1, fine)
+def _interpolation(count: int, pieces: int) -> Floats:
+    """Weights, ((count - 1) pieces + 1, count), of linear interpolation at equal steps, `pieces` between two nodes."""
+    place = np.linspace(0, count - 1, (count - 1) * pieces + 1)
     lower = np.minimum(place.astype(int), count - 2)
-    weights = np.zeros((fine, count))
-    weights[np.arange(fine), lower] = 1 - (place - lower)
-    weights[np.arange(fine), lower + 1] = place - lower
+    weights = np.zeros((len(place), count))
+    weights[np.arange(len(place)), lower] = 1 - (place - lower)
+    weights[np.arange(len(place)), lower + 1] = place - lower
     return weights
 
 

@@ -52,11 +52,11 @@ class Surroundings:
 
 
 def draw_panel(panel: Panel, depth: Floats, colour: Floats) -> None:
-    """Draw one rectangle where it is nearer than the existing depth."""
+    """Draw one rectangle where it is nearer than the existing depth: in the pixels whose centres it covers."""
     columns = CAMERA.fx * np.array([panel.left, panel.right]) / panel.z + CAMERA.cx
     rows = CAMERA.fy * np.array([panel.top, panel.bottom]) / panel.z + CAMERA.cy
-    left, right = np.clip(np.rint(columns), 0, CAMERA.width).astype(int)
-    top, bottom = np.clip(np.rint(rows), 0, CAMERA.height).astype(int)
+    left, right = np.clip(np.ceil(columns), 0, CAMERA.width).astype(int)
+    top, bottom = np.clip(np.ceil(rows), 0, CAMERA.height).astype(int)
     patch = depth[top:bottom, left:right]
     is_near = patch > panel.z
     colour[top:bottom, left:right][is_near] = panel.grey

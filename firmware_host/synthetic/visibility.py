@@ -1,7 +1,7 @@
 """The true visibility of a tracked point's neighbourhood to the depth camera: visible, hidden or ambiguous.
 
-A point has no extent; a camera shows the cloth around the point. Pixel q of the noise-free image shows the point X(q)
-of the flat garment, and X_p is the tracked point. The flag lit(q) is true if the projector also reaches X(q). A
+A point has no extent; a camera shows the cloth around the point. The ray of the centre of pixel q meets the point
+X(q) of the flat garment, and X_p is the tracked point. The flag lit(q) is true if the projector also reaches X(q). A
 structured-light camera has no depth in the projector's shadow.
 
     near(q) = 1 where |X(q) - X_p| < r and lit(q), else 0

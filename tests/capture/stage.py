@@ -73,6 +73,17 @@ def backdrop():
     return np.repeat(wall[..., None], 3, axis=2).astype(np.float32), rays
 
 
+def covered_centres(quad, size):
+    """Mark the pixels, (height, width), of an image of a size whose centres a convex quadrilateral, (4, 2), covers.
+
+    `cv2.fillConvexPoly` also marks the pixels that the outline touches, half a pixel too far out.
+    """
+    v, u = np.mgrid[0 : size[1], 0 : size[0]]
+    sides = [(x1 - x0) * (v - y0) >= (y1 - y0) * (u - x0)
+             for (x0, y0), (x1, y1) in zip(quad, np.roll(quad, -1, axis=0), strict=True)]  # fmt: skip
+    return (np.all(sides, axis=0) | ~np.any(sides, axis=0)).astype(np.float32)
+
+
 def true_view(plates, turn=LEVEL):
     """True depth [m], (480, 640), and colour 0 to 255, (480, 640, 3), of plates before a wall."""
     height, width = CAMERA.height, CAMERA.width
@@ -94,8 +105,7 @@ def true_view(plates, turn=LEVEL):
         target = ((pixels - low + 0.5) * FINE - 0.5).astype(np.float32)
         warp = cv2.getPerspectiveTransform(source, target)
         size = (int(right - left) * FINE, int(bottom - top) * FINE)
-        share = np.zeros(size[::-1], np.float32)
-        cv2.fillConvexPoly(share, np.rint(target * 16).astype(np.int32), 1.0, shift=4)
+        share = covered_centres(target, size)
         shape = (bottom - top, FINE, right - left, FINE)
         covered = share.reshape(shape).mean((1, 3))[..., None]
         if (plate.picture == plate.picture[0, 0]).all():

@@ -66,17 +66,17 @@ def test_depth_is_the_mean_of_what_is_two_pixels_inside_the_rim():
     cloth = silhouette(WHOLE, 1.6 + 0.001 * columns)
     depth = _smooth_depth(cloth)
     assert depth[80, 100] == pytest.approx(1.7, abs=1e-6)
-    # At column 20, the rim's, columns 22 to 25 are averaged; at 19, beside the garment, columns 22 to 24.
-    assert depth[80, [20, 19]] == pytest.approx([1.6 + 0.0235, 1.6 + 0.023], abs=1e-6)
-    assert depth[80, 18] == 0.0
-    # In a corner 4 x 4 of 121 pixels are inner ones, and 3 x 3 diagonally beside it: more than a twenty-fifth.
+    # At column 20, the rim's, columns 22 to 25 are averaged; at 19 and 18, beside the garment, to 24 and to 23.
+    assert depth[80, [20, 19, 18]] == pytest.approx([1.6 + 0.0235, 1.6 + 0.023, 1.6 + 0.0225], abs=1e-6)
+    assert depth[80, 17] == 0.0
+    # In a corner 4 x 4 of 121 pixels are inner ones, and 2 x 2 two pixels diagonally beside it: more than 0.015.
     assert depth[20, 20] == pytest.approx(1.6235, abs=1e-6)
-    assert depth[19, 19] == pytest.approx(1.623, abs=1e-6)
+    assert depth[18, 18] == pytest.approx(1.6225, abs=1e-6)
     missing = silhouette(WHOLE, np.where(columns % 2 == 0, 0.0, 1.6))
     assert _smooth_depth(missing)[80, 100] == pytest.approx(1.6, abs=1e-6)
     few = np.zeros(WHOLE.shape)
-    few[78:80, 98:100] = 1.6
-    assert not _smooth_depth(silhouette(WHOLE, few)).any()  # four of 121
+    few[79, 98] = 1.6
+    assert not _smooth_depth(silhouette(WHOLE, few)).any()  # one of 121
     few[80, 98] = 1.6
     assert _smooth_depth(silhouette(WHOLE, few))[80, 98] == pytest.approx(1.6, abs=1e-6)
 

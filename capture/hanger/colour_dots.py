@@ -182,5 +182,5 @@ def _background(window: Singles, mark: Floats, diameter: float) -> Floats:
     """Return the median colour, (3,), of the pixels in a window that do not have the dot's colour."""
     pixels = window.reshape(-1, 3)
     far = np.linalg.norm(pixels - mark, axis=1)
-    others = pixels[far > np.quantile(far, min(0.8, diameter**2 / len(pixels)))]
-    return np.asarray(np.median(others if len(others) else pixels, axis=0), float)
+    others = pixels[far >= np.quantile(far, min(0.8, diameter**2 / len(pixels)))]
+    return np.asarray(np.median(others, axis=0), float)

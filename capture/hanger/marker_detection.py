@@ -83,7 +83,7 @@ class MarkerDetector:
         self._is_sparing, self._has_looked_finely = is_sparing, False
         known = marker_dictionary(dictionary)
         self._anywhere = cv2.aruco.ArucoDetector(known, _parameters())
-        self._near = cv2.aruco.ArucoDetector(known, _parameters())
+        self._near = cv2.aruco.ArucoDetector(known)  # `in_window` sets its parameters
 
     def in_picture(self, colour: Bytes) -> Floats:
         """Return the corners [px], (ids, 4, 2), in a whole RGB picture, (H, W, 3); NaN where an id is not found."""

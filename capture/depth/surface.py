@@ -16,6 +16,7 @@ section 3. A mean of quantised pixels is finer than a step because the noise dit
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,10 +28,10 @@ from formats.arrays import Booleans, Floats
 DISPARITY_STEPS = 8.0  # steps per pixel of disparity (same source)
 LATERAL_SD = 0.8  # px, position of a depth edge (Nguyen et al. 2012, section 3.2, below 60 degrees)
 # temporal noise of a real Kinect v1 at 0.8-2.6 m, 12 frames: pixels 1, 2 and 3 apart correlate so, mean of u and v.
-# Then 0.19, 0.13, 0.08; beyond 8 px the correlation is below 0.02.
+# Then 0.19, 0.13, 0.08.
 NEIGHBOURS_ALIKE = (0.58, 0.38, 0.27)
 MEASURED_LAGS = len(NEIGHBOURS_ALIKE)
-CORRELATED_PIXELS = 19.0  # of the same noise, summed up to 8 px along u and v
+FARTHEST_ALIKE = 8  # px: beyond, the correlation of the same noise is below 0.02
 MOST_ALIKE = 0.8  # correlation, above a Kinect's 0.6: a plate that is not flat has 1, which is no noise
 # pixels of a plate, at least, for the share that its plane takes up; 22 x 22. With fewer the iteration may run away.
 # Plates of 18 x 18 pixels were simulated, with first-order noise of 16 pixels: at 380 they gave 34, at 250 149.
@@ -136,14 +137,28 @@ def _plane(moments: Floats) -> _Plane | None:
     return _Plane(w - b * u - c * v, b, c, variance, math.sqrt(scatter_v))
 
 
+def _reach(rho: Sequence[float]) -> float:
+    """Return 1 + 2 sum rho_k along one axis, from the first three correlations."""
+    first, second, third = rho
+    onwards = min(third / second, MOST_ALIKE) if second > 0.0 else 0.0
+    further = sum(onwards**k for k in range(FARTHEST_ALIKE - MEASURED_LAGS + 1))
+    return 1.0 + 2.0 * (first + second + third * further)
+
+
+# of a Kinect's noise by the meter's equation, 20.7. Its correlations up to 8 px add up to 19 along u and v: the
+# equation is 4 % too careful in a deviation.
+CORRELATED_PIXELS = _reach(NEIGHBOURS_ALIKE) ** 2
+
+
 class CorrelationMeter:
     """Estimates over how many pixels this sensor's noise is correlated, from flat plates of known outline.
 
-        pixels = prod over u and v of (1 + 2 (rho_1 + rho_2 + rho_3 / (1 - q))),    q = rho_3 / rho_2
+        pixels = prod over u and v of (1 + 2 (rho_1 + rho_2 + rho_3 (1 + q + ... + q^5))),    q = rho_3 / rho_2
 
-    rho_k is the correlation of pixels k apart; beyond three, q continues it. A mean of n pixels has the variance of
-    n / pixels independent ones (G. E. P. Box, G. M. Jenkins, "Time series analysis", 1976, section 2.1). One neighbour
-    does not tell how far noise reaches: a mean over 3 x 3 pixels ends after two, a real Kinect's noise after eight.
+    rho_k is the correlation of pixels k apart; beyond three, q continues it up to eight. A mean of n pixels has the
+    variance of n / pixels independent ones (G. E. P. Box, G. M. Jenkins, "Time series analysis", 1976, section 2.1).
+    One neighbour does not tell how far noise reaches: a mean over 3 x 3 pixels ends after two, a real Kinect's noise
+    after eight.
 
     A plane fitted through N pixels takes up a share b of their variance. It lowers the products of near pixels by as
     much as the squares:
@@ -179,10 +194,3 @@ class CorrelationMeter:
             rho = (self._products + pixels * self._taken) / self._squares
             pixels = math.prod(_reach(one) for one in np.clip(rho, 0.0, MOST_ALIKE).tolist())
         self.pixels = pixels
-
-
-def _reach(rho: list[float]) -> float:
-    """Return 1 + 2 sum rho_k along one axis, from the first three correlations."""
-    first, second, third = rho
-    onwards = min(third / second, MOST_ALIKE) if second > 0.0 else 0.0
-    return 1.0 + 2.0 * (first + second + third / (1.0 - onwards))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.depth.surface import CorrelationMeter, _reach, fit_surface, pixel_sd
+from capture.depth.surface import CORRELATED_PIXELS, CorrelationMeter, _reach, fit_surface, pixel_sd
 
 FOCAL = 575.8
 A, B, C = 0.625, 4e-4, -3e-4  # 1/m and 1/(m px): 1.6 m at u = v = 0, inverse depth rising to the right
@@ -137,9 +137,25 @@ def test_a_plane_that_goes_through_the_sensor_has_no_depth():
     assert fitted(u.ravel(), v.ravel(), z.ravel(), spread=0.3) is None
 
 
-def test_correlation_starts_from_a_kinects_nineteen_pixels():
-    assert CorrelationMeter().pixels == pytest.approx(19.0)
+def test_correlation_starts_from_a_kinects_pixels():
+    """The tail from 0.27 on is 0.27 (1 - q^6) / (1 - q), q = 0.27 / 0.38: 0.813."""
+    assert CorrelationMeter().pixels == pytest.approx((1 + 2 * (0.58 + 0.38 + 0.81271)) ** 2, rel=1e-5)
     assert CorrelationMeter(4.0).pixels == pytest.approx(4.0)
+
+
+def test_a_kinects_own_correlations_give_its_pixels_to_a_twelfth():
+    """Those up to 8 px, of which 0.045 and 0.02 are the last, add up to 19.3; one more continues to 22.9."""
+    summed = (1 + 2 * sum((0.58, 0.38, 0.27, 0.19, 0.13, 0.08, 0.045, 0.02))) ** 2
+    assert summed == pytest.approx(19.3, abs=0.05)
+    assert CorrelationMeter().pixels == pytest.approx(summed, rel=1 / 12)
+
+
+@pytest.mark.parametrize("pixels", [1.0, 4.0, CORRELATED_PIXELS, 30.0])
+def test_a_plate_that_tells_nothing_leaves_the_start_as_it_is(pixels):
+    """Residuals of 0 add neither products nor squares."""
+    meter = CorrelationMeter(pixels)
+    meter.add(np.zeros((30, 30)), np.ones((30, 30), bool))
+    assert meter.pixels == pytest.approx(pixels)
 
 
 @pytest.mark.parametrize("reach", [1, 2, 3])
@@ -168,10 +184,10 @@ def test_correlation_counts_pairs_of_used_pixels_only(turned):
 
 
 def test_correlation_stays_between_none_and_four_fifths():
-    """A bias correlates by 1, taken for 0.8 at each of three lags and beyond: 1 + 2 (1.6 + 0.8 / 0.2) along an axis."""
+    """A bias correlates by 1, taken for 0.8 at three lags and 0.8 of the one before on: 1 + 2 (1.6 + 4 (1 - 0.8^6))."""
     rows, columns = np.indices((90, 90))
     chess = (-1.0) ** (rows + columns)
-    for residuals, low, high in ((chess, 1.0, 7.0), (np.ones((90, 90)), 148.84, 148.84)):
+    for residuals, low, high in ((chess, 1.0, 7.0), (np.ones((90, 90)), 102.0675377, 102.0675377)):
         meter = CorrelationMeter()
         meter.add(residuals, np.ones((90, 90), bool))
         assert low - 1e-6 <= meter.pixels <= high + 1e-6
@@ -179,24 +195,27 @@ def test_correlation_stays_between_none_and_four_fifths():
 
 @pytest.mark.parametrize(
     ("rho", "reach"),
-    [([0.5, 0.4, 0.2], 3.6), ([0.5, 0.0, 0.25], 2.5), ([0.0, 0.1, 0.2], 3.2), ([0.0, 0.0, 0.0], 1.0)],
+    [([0.5, 0.4, 0.2], 3.5875), ([0.5, 0.0, 0.25], 2.5), ([0.0, 0.1, 0.2], 2.675712), ([0.0, 0.0, 0.0], 1.0)],
 )
-def test_correlation_goes_on_beyond_three_pixels_as_from_the_second_to_the_third(rho, reach):
-    """1 + 2 (0.9 + 0.2 / (1 - 0.5)); nothing goes on from a second of 0; and 0.8 at most: 1 + 2 (0.1 + 0.2 / 0.2)."""
+def test_correlation_goes_on_from_three_to_eight_pixels_as_from_the_second_to_the_third(rho, reach):
+    """The six from the third on: 0.2 (1 - 0.5^6) / 0.5 = 0.39375.
+
+    Nothing goes on from a second of 0. The ratio is 0.8 at most: 0.2 (1 - 0.8^6) / 0.2 = 0.737856.
+    """
     assert _reach(rho) == pytest.approx(reach)
 
 
 def test_the_start_of_correlation_weighs_two_hundred_pixels():
     """Two pixels of the square 200 correlate by 1: from white noise 200 of 400, and 1 + 2 x 0.5 along u alone.
 
-    A Kinect's 0.58 becomes (116 + 20) / 220 by two of the square 20. 0.38 + 0.27 / (1 - 0.27 / 0.38) stays.
+    A Kinect's 0.58 becomes (116 + 20) / 220 by two of the square 20. The rest, 0.38 and on from 0.27, stays.
     """
     for way in (np.asarray, np.transpose):
         white, kinect = CorrelationMeter(1.0), CorrelationMeter()
         white.add(way(np.full((1, 2), math.sqrt(200))), way(np.ones((1, 2), bool)))
         assert white.pixels == pytest.approx(2.0)
         kinect.add(way(np.full((1, 2), math.sqrt(20))), way(np.ones((1, 2), bool)))
-        rest = 0.38 + 0.27 / (1 - 0.27 / 0.38)
+        rest = 0.38 + 0.27 * (1 - (0.27 / 0.38) ** 6) / (1 - 0.27 / 0.38)
         assert kinect.pixels == pytest.approx((1 + 2 * (136 / 220 + rest)) * (1 + 2 * (0.58 + rest)))
 
 
@@ -205,7 +224,7 @@ def test_correlation_gives_back_what_the_plane_took_up(plates):
     """A row of 1000 used pixels whose residuals are 2, 1 and then 0: products 2, 0 and 0, squares 3, 2.5 and 2.5.
 
     The plane took up b = 3 p / 1000: rho = 2 / 3 + b / 3, b and b, and q is 0.8. Then
-    p = 1 + 2 (2 / 3 + b / 3 + b + 5 b).
+    p = 1 + 2 (2 / 3 + b / 3 + b + 5 (1 - 0.8^6) b) = 7 / 3 + 10.0452 b.
     """
     for way in (np.asarray, np.transpose):
         meter = CorrelationMeter(1.0)
@@ -213,21 +232,23 @@ def test_correlation_gives_back_what_the_plane_took_up(plates):
         residuals[0, :2] = 2e6, 1e6  # beside these the start weighs nothing
         for _ in range(plates):
             meter.add(way(residuals), way(used))
-        assert meter.pixels == pytest.approx((7 / 3) / (1 - 0.038), rel=1e-6)
+        assert meter.pixels == pytest.approx((7 / 3) / (1 - 0.0301357), rel=1e-6)
 
 
 @pytest.mark.parametrize("start", [1.0, 200.0])
 @pytest.mark.parametrize("shape", [(20, 25), (12, 9)])
 def test_correlation_is_found_by_iteration_whatever_it_was_before(start, shape):
-    """One residual in a corner: rho is b = 3 p / 500 at each lag, so p = (1 + 14 b)^2, also on a plate of 108 pixels.
+    """One residual in a corner: rho is b = 3 p / 500 at each lag, also on a plate of 108 pixels.
 
-    The smaller root of (0.084 p)^2 - 0.832 p + 1 is 1.2144; from above the other, 116.7, the iteration runs away.
+    So p = (1 + 2 (2 + 5 (1 - 0.8^6)) b)^2 = (1 + 0.0682714 p)^2, whose smaller root is 1.1655.
+    From above the other, 184.1, the iteration runs away.
     """
     meter, residuals = CorrelationMeter(start), np.zeros(shape)
     residuals[0, 0] = 1e6
     meter.add(residuals, np.ones(shape, bool))
-    root = (0.832 - math.sqrt(0.832**2 - 4 * 0.084**2)) / (2 * 0.084**2)
-    assert root == pytest.approx(1.2144, abs=1e-4)
+    share = 0.006 * (4 + 10 * (1 - 0.8**6))
+    root = (1 - 2 * share - math.sqrt((1 - 2 * share) ** 2 - 4 * share**2)) / (2 * share**2)
+    assert root == pytest.approx(1.1655, abs=1e-4)
     assert meter.pixels == pytest.approx(root, rel=1e-5)
 
 

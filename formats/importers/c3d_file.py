@@ -27,6 +27,7 @@ from formats.importers.c3d_moved_frames import warning_of_moved_frames
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
 from formats.importers.c3d_shifts import refuse_shifted_frames
 from formats.importers.c3d_wraps import remove_wrapped
+from formats.importers.marker_exchanges import remove_exchanged
 from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.missing_values import (
@@ -92,7 +93,7 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     end, kind = layout.data_at + frames * layout.width, FLOAT if layout.is_float else SHORT
     blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
     within = FrameBytes(layout.data_at, end, header.end, layout.width, kind, points, header.processor)
-    moved, more = _refuse_moved_bytes(path, size, header, within, wanted, blocks)
+    repeated, cycle, more = _refuse_moved_bytes(path, size, header, within, wanted, blocks)
     has_labels = any(labels)
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
@@ -113,7 +114,7 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     def frame_of(at: int) -> str:
         return f"frame {at + 1}"
 
-    warnings = [header.doubts, doubt, moved]
+    warnings = [header.doubts, doubt, repeated]
     if wanted.frames is None or wanted.frames > frames:
         warnings.append(more)
     if not wanted.names or any(label.rpartition(":")[2] in wanted.names for label in without_path):
@@ -128,6 +129,7 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
         warnings.append(remove_wrapped(positions, scale * abs(header.scale), labels, frame_of))
     warnings += [
         warning_of_incomplete(gaps.lacking, time, labels, frame_of),
+        remove_exchanged(time, positions, labels, frame_of) or cycle,
         remove_jumps(time, positions, labels, frame_of),
         warning_of_moved_frames(positions, rate, frame_of),
     ]
@@ -140,19 +142,19 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
 
 def _refuse_moved_bytes(
     path: Path, size: int, header: Header, frames: FrameBytes, wanted: Wanted, blocks: Blocks
-) -> tuple[str, str]:
+) -> tuple[str, str, str]:
     """Refuse a file whose frames are shifted, or which lacks bytes.
 
-    Return warnings of frames that come twice and of exchanged labels, and of frames behind the last stated one.
+    Return warnings of frames that come twice, of labels exchanged in a cycle, and of frames behind the last stated one.
     """
     repeated = "" if header.lacking is not None else refuse_doubled_bytes(path, frames)
-    exchanged = refuse_shifted_frames(path, frames, min(frames.stated, wanted.frames or frames.stated), blocks)
+    cycle = refuse_shifted_frames(path, frames, min(frames.stated, wanted.frames or frames.stated), blocks)
     if header.lacking is not None:
         raise header.lacking
     more = "" if repeated else warning_of_more_frames(path, frames, header.held)
     if header.end == size and not (more and (size - frames.end) % frames.width == 0):
         refuse_lost_bytes(path, size, frames.end)
-    return "; ".join(filter(None, [repeated, exchanged])), more
+    return repeated, cycle, more
 
 
 def _refuse_two_values(parameters: Parameters, path: Path) -> None:

@@ -11,9 +11,10 @@ the markers' median distance from the origin. Parts of two floats are mostly a n
 than a leap far out. The last frame before the shift must itself lie near the one before. So one frame with exchanged
 markers is no shift.
 
-Labels that are exchanged in a cycle, for several frames, leap twice as a shift by whole markers does. A shift moves all
-frames to the end and none before. So there is none if most frames before show the last frame's shape better if they are
-read `s` bytes later. Neither is there one if most frames behind show it better as they stand.
+Labels that are exchanged in a cycle leap as a shift by whole markers does; `c3d_cycles` tells them apart. Where it
+cannot, the file's other frames do. A shift moves all frames to the end and none before. So there is none if most frames
+before show the last frame's shape better if they are read `s` bytes later. Neither is there one if most frames behind
+show it better as they stand.
 
 A stale block shifts its own frames alone, so frames with bytes of one are passed over.
 
@@ -30,6 +31,7 @@ import numpy as np
 from formats.arrays import Floats, Integers, Singles
 from formats.errors import TakeError
 from formats.importers.c3d_blocks import BLOCK_BYTES, Blocks
+from formats.importers.c3d_cycles import FRAMES_SHOWING, is_cycle
 from formats.importers.c3d_doubled import FrameBytes
 from formats.importers.c3d_parameters import numbers_of
 from formats.plain_text import counted
@@ -64,7 +66,7 @@ def refuse_shifted_frames(path: Path, frames: FrameBytes, count: int, blocks: Bl
     """
     if frames.points < FEWEST_SHOWING or count < 3:
         return ""
-    exchanged = list[int]()
+    exchanged, moved = list[int](), 0  # the frames at which a cycle begins or ends, and by how many bytes it moves
     replaced = _frames_of(np.concatenate([blocks.between, blocks.stale]).tolist(), frames.width)
     with path.open("rb") as file:
 
@@ -80,7 +82,10 @@ def refuse_shifted_frames(path: Path, frames: FrameBytes, count: int, blocks: Bl
             # A frame that is partly before the shift may continue the trajectories by another one, less well.
             near = [(one, _shift_behind(read, frames, one, count)) for one in range(before, before + 3)]
             (_, by), last = min((found, -one) for one, found in near if found is not None)
-            if not _is_lasting(read, frames, before, by, count):
+            ends = moved and (moved + by) % frames.width == 0
+            if ends or _is_cycle(read, frames, before, -last, by, count):
+                if not exchanged or 2 - last > exchanged[-1] + FRAMES_SHOWING:
+                    moved = (moved + by) % frames.width
                 exchanged.append(2 - last)
                 continue
             raise TakeError(
@@ -181,13 +186,28 @@ def _shift_behind(read: Read, frames: FrameBytes, before: int, count: int) -> tu
     return off, found
 
 
-def _is_lasting(read: Read, frames: FrameBytes, before: int, by: int, count: int) -> bool:
-    """Return whether a shift by `by` bytes behind a frame fits the frames far before and far behind as well.
+def _is_cycle(read: Read, frames: FrameBytes, before: int, last: int, by: int, count: int) -> bool:
+    """Return whether a shift by `by` bytes behind frame `last` is rather an exchange of labels in a cycle.
 
-    A shift by a part of a marker's bytes is no exchange of labels, and may end.
+    A shift by a part of a marker's bytes is no exchange of labels.
+
+    before: the frame that showed the leap, `last` or up to two frames earlier
     """
-    if by % (4 * frames.kind):
-        return True
+    each = 4 * frames.kind
+    places = [one // each for one in (by, by - frames.width) if one % each == 0 and abs(one) < frames.points * each]
+    if not places:
+        return False
+    if last < 1:
+        return not _is_lasting(read, frames, before, by, count)
+    every = np.arange(frames.points)
+    some = range(last - 1, min(last + 1 + FRAMES_SHOWING, count))
+    rows = np.array([_numbers(read, frames, at, every, [0])[0] for at in some])
+    found = is_cycle(np.where(rows[..., 3:] < 0, np.nan, rows[..., :3]), min(places, key=abs))
+    return not _is_lasting(read, frames, before, by, count) if found is None else found
+
+
+def _is_lasting(read: Read, frames: FrameBytes, before: int, by: int, count: int) -> bool:
+    """Return whether a shift by `by` bytes behind a frame fits the frames far before and far behind as well."""
     last = _numbers(read, frames, before, np.arange(frames.points), [0])[0]
     seen = np.flatnonzero(np.isfinite(last).all(1) & ~(last[:, 3] < 0))
     for first, stop, readings in ((0, before, [by, 0]), (before + 2, count, [0, by])):

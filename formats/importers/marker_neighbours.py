@@ -1,7 +1,7 @@
 """Check the distances between neighbouring markers against the flat garment, and find the cause of wrong ones.
 
 A wrong unit or size changes all distances by one factor. Two markers with exchanged names change the distances to the
-neighbours of these two alone.
+neighbours of these two alone. Names that are exchanged in some frames, as behind a gap, change them there alone.
 """
 
 from __future__ import annotations
@@ -14,8 +14,12 @@ import numpy as np
 from formats.arrays import Booleans, Floats, Integers
 from formats.errors import TakeError
 from formats.garment import Garment
+from formats.importers.marker_tracks import MARKER_SD
 from formats.importers.units import other_unit, step_of_unit
+from formats.impossible_points import BEYOND_REACH, GLUE, PAIRS_LOOKED_AT, find_impossible
 from formats.judged_cloth import MOST_STRETCHED
+from formats.plain_text import counted, first_few
+from formats.sights import spread
 
 LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
 AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are neighbours
@@ -35,11 +39,7 @@ def check_neighbours(
     Raises:
         TakeError: names the distance, and the unit or the exchange of markers that would explain it.
     """
-    places = np.array([point.at_m for point in garment.points], float)
-    flat = np.linalg.norm(places[:, None] - places[None], axis=2)
-    flat[flat == 0] = np.inf  # of a marker to itself, and of two markers that the garment has at one place
-    near = flat <= AS_NEAR * flat.min(axis=1, keepdims=True)
-    near = np.asarray((near | near.T) & np.isfinite(flat))
+    flat, near = _neighbours(garment)
     pairs = [(int(a), int(b)) for a, b in zip(*np.nonzero(np.triu(near)), strict=True)]
     widths, apart = {}, {}
     for first, second in [*pairs, held]:
@@ -76,6 +76,41 @@ def check_neighbours(
             f"median{other_unit(usual)}",
             where=path, advice=f"check the unit and the garment's size{step}",
         )  # fmt: skip
+
+
+def warning_of_far_markers(time: Floats, positions: Floats, garment: Garment) -> str:
+    """Return a warning of markers that are farther from others in some frames than the cloth reaches, '' without any.
+
+    A fit leaves these positions out. `time` [s], (frames,); `positions` [m], (frames, points, 3), NaN where not seen
+    """
+    flat, near = _neighbours(garment)
+    one, other = np.nonzero(np.triu(near))
+    with np.errstate(invalid="ignore"):
+        apart = np.linalg.norm(positions[:, one] - positions[:, other], axis=2)
+        frames = np.flatnonzero((apart > MOST_STRETCHED * flat[one, other] + GLUE).any(1))
+    looked_at = spread(frames, max(PAIRS_LOOKED_AT // len(flat) ** 2, 1))
+    seen = np.asarray(np.isfinite(positions[looked_at]).all(2))
+    places = np.array([point.at_m for point in garment.points], float)
+    some = np.where(seen[..., None], positions[looked_at], 0.0)
+    far = find_impossible(some, seen, np.full(some.shape, MARKER_SD), places)
+    if not far.any():
+        return ""
+    often = [k for k in np.argsort(-far.sum(0), kind="stable").tolist() if far[:, k].any()]
+    names = first_few([repr(garment.points[k].name) for k in often])
+    begin, end = (time[looked_at[k]] - time[0] for k in np.flatnonzero(far.any(1))[[0, -1]])
+    count = counted(len(frames), "frame")
+    when = f"in {count}, at {begin:.2f} s" if begin == end else f"in {count}, from {begin:.2f} to {end:.2f} s"
+    cause = "are their labels exchanged there?" if len(often) > 1 else "is another marker labelled so there?"
+    return f"{names} {BEYOND_REACH if len(often) > 1 else BEYOND_REACH.replace('are', 'is', 1)} {when}; {cause}"
+
+
+def _neighbours(garment: Garment) -> tuple[Floats, Booleans]:
+    """Return the distances of markers on the flat garment [m], and whether two are neighbours, (points, points)."""
+    places = np.array([point.at_m for point in garment.points], float)
+    flat = np.linalg.norm(places[:, None] - places[None], axis=2)
+    flat[flat == 0] = np.inf  # of a marker to itself, and of two markers that the garment has at one place
+    near = flat <= AS_NEAR * flat.min(axis=1, keepdims=True)
+    return flat, np.asarray((near | near.T) & np.isfinite(flat))
 
 
 def _exchanged(positions: Floats, flat: Floats, near: Booleans, far: tuple[int, int]) -> tuple[int, int] | None:

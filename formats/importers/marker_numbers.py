@@ -17,6 +17,7 @@ from formats.importers.broken_numbers import broken_lines, is_near
 from formats.importers.cut_numbers import Ending, ending_of, is_part, lines_around
 from formats.importers.decimal_separators import DecimalSeparators, are_too_far, fewer_jump, may_be_motion
 from formats.importers.lost_lines import remove_joined_lines
+from formats.importers.marker_exchanges import remove_exchanged
 from formats.importers.marker_lines import Rows
 from formats.importers.marker_outliers import remove_jumps
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
@@ -151,6 +152,7 @@ def read_frames(rows: Rows, table: Table, path: Path, wanted: Wanted = ALL) -> F
         # Scripts that leave out rows keep the numbers of the others.
         numbers = time if table.is_exact else first[:, 0]
         warnings.append(remove_joined_lines(numbers, time, positions, line))
+    warnings.append(remove_exchanged(time, positions, labels, line))
     warnings.append(remove_jumps(time, positions, labels, line))
     warnings.append(remove_odd_numbers(rows, columns, positions, labels, line, writing.form))
     warnings.append(warning_of_zeros(found.zeros, positions, labels, line))

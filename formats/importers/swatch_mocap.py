@@ -23,7 +23,7 @@ from formats.errors import TakeError
 from formats.findings import FEWEST_SEEN, OF_MARKERS
 from formats.garment import Garment
 from formats.importers.marker_files import read_marker_tracks
-from formats.importers.marker_neighbours import check_neighbours
+from formats.importers.marker_neighbours import check_neighbours, warning_of_far_markers
 from formats.importers.marker_tracks import EXPORT_MEASURED, MARKER_SD, MarkerTracks, Wanted, composed, nearest_label
 from formats.importers.path_outliers import refuse_jumps
 from formats.plain_text import counted
@@ -91,6 +91,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     if not options.anyway:
         advice = f"empty {garment.points[left].name!r} or {garment.points[right].name!r} there, and export again"
         refuse_jumps(time, held, path, one="frame", advice=advice, offers_anyway=options.anyway is not None)
+    warning = "; ".join(filter(None, [tracks.warning, warning_of_far_markers(time, positions, garment)]))
     state = np.where(held_seen.all(1), 0, FrameState.MARKER_LOST).astype(np.uint16)
     return Take(
         take_id=path.stem,
@@ -103,7 +104,7 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
             OF_MARKERS: f"{len(garment.points)} of the {len(tracks.labels)} markers in the file",
             "front": facing(held, up),
         }
-        | ({"file": tracks.warning} if tracks.warning else {}),
+        | ({"file": warning} if warning else {}),
     )  # fmt: skip
 
 

@@ -156,25 +156,6 @@ def test_honest_frames_are_no_shift(tmp_path, kind, scale):
     assert "shifted" not in read(tmp_path, made(honest(kind), scale)).warning
 
 
-@pytest.mark.parametrize("points", [3, 4, 5])
-@pytest.mark.parametrize("scale", [-1.0, 0.1])
-@pytest.mark.parametrize("count", [2, 10, 40])
-@pytest.mark.parametrize("way", [1, -1])
-def test_labels_exchanged_in_a_cycle_for_some_frames_are_no_shift(tmp_path, points, scale, count, way):
-    """A cycle leaps as a shift by a marker's bytes does, and ends."""
-    places = hanging(points)
-    places[AT : AT + count] = np.roll(places[AT : AT + count], way, axis=1)
-    tracks = read(tmp_path, made(places, scale))
-    kept = np.where(np.isfinite(tracks.positions), places, np.nan)  # of two frames, leaps are no positions
-    np.testing.assert_allclose(1e3 * tracks.positions, kept, atol=0.051)
-    assert np.isfinite(tracks.positions).mean() > 0.99
-    told = r"labels seem exchanged in a cycle from about frame (\d+)( to about frame (\d+))?; label the markers again"
-    found = re.search(told, tracks.warning)
-    if count > 2:
-        assert abs(int(found[1]) - (AT + 1)) <= 1
-        assert abs(int(found[3]) - (AT + count + 1)) <= 1
-
-
 @pytest.mark.parametrize("foreign", [7, 32])
 def test_a_second_shift_hides_no_first_one(tmp_path, foreign):
     """The frames behind the second one show no shape in either reading."""

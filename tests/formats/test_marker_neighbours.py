@@ -118,3 +118,48 @@ def test_a_marker_beyond_the_reach_of_a_take_is_named_with_its_frame(tmp_path):
     with pytest.raises(TakeError, match=told):
         imported(tmp_path, change, anyway=True)
     assert imported(tmp_path, lambda places: change(places, 999.5), anyway=True).points.shape[1] == 16
+
+
+def doubts_of(tmp_path, change, frames=60, **options):
+    tracks = hanging(frames)
+    path = write_marker_csv(tmp_path / "a.csv", replace(tracks, positions=change(tracks.positions.copy())))
+    return import_marker_take(path, GARMENT, MarkerOptions(**options)).notes.get("file", "")
+
+
+def test_labels_exchanged_behind_a_long_gap_are_named_with_their_seconds(tmp_path):
+    """No path leads over a gap of 20 frames; the distances on the garment show the exchange."""
+
+    def change(places):
+        found = with_exchanged(5, 10)(places.copy())
+        found[:60] = places[:60]
+        found[40:60, [5, 10]] = np.nan
+        return found
+
+    names = f"{NAMES[5]!r}, {NAMES[10]!r}"
+    assert doubts_of(tmp_path, change, frames=80) == (
+        f"{names} are further from the others than the cloth reaches in 20 frames, from 0.60 to 0.79 s; are their "
+        "labels exchanged there?"
+    )
+
+
+def test_a_marker_with_the_label_of_another_one_in_one_frame_is_named(tmp_path):
+    def change(places):
+        places[20:40, 5] = np.nan
+        places[40, 5] = places[40, 5] + [0.3, 0, 0]
+        places[41:, 5] = np.nan
+        return places
+
+    assert doubts_of(tmp_path, change) == (
+        f"{NAMES[5]!r} is further from the others than the cloth reaches in 1 frame, at 0.40 s; is another marker "
+        "labelled so there?"
+    )
+
+
+@pytest.mark.parametrize("stretch", [0.0, 0.2])
+def test_cloth_that_stretches_a_little_or_folds_is_not_named(tmp_path, stretch):
+    def change(places):
+        places[20:40, :, 2] = 1.5 + (places[20:40, :, 2] - 1.5) * (1 + stretch)
+        places[40:50, :, 2] = 1.5 + (places[40:50, :, 2] - 1.5) * 0.7
+        return places
+
+    assert doubts_of(tmp_path, change) == ""

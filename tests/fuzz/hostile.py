@@ -223,6 +223,9 @@ def _c3ds() -> Iterator[tuple[str, Callable[[], bytes]]]:
     for name, step, change in (
         ("gaps", 2, lambda p: p * np.nan), ("zeros", 3, lambda p: p * 0), ("jumps", 3, lambda p: p + 4e3),
         ("labels exchanged", 9, lambda p: p[:, ::-1]), ("labels shifted", 9, lambda p: np.roll(p, 1, 1)),
+        ("two labels exchanged", 9, lambda p: p[:, [1, 0, *range(2, p.shape[1])]]),
+        ("two labels exchanged, often", 2, lambda p: p[:, [1, 0, *range(2, p.shape[1])]]),
+        ("labels exchanged, often", 2, lambda p: p[:, ::-1]),
     ):  # fmt: skip
         yield f"{name} in turn", lambda step=step, change=change: _c3d(lambda p: in_turn(p, step, change))
     yield "frames twice", lambda: _c3d(lambda p: p[:5000].repeat(2, 0))

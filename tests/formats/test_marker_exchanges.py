@@ -1,0 +1,183 @@
+"""Markers whose labels are exchanged for some frames are named with their seconds, and honest ones are not."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from formats.importers.c3d_file import read_c3d
+from formats.importers.marker_exchanges import remove_exchanged
+from formats.importers.marker_files import read_marker_tracks
+from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
+from tests.formats.c3d_by_hand import c3d_bytes
+from tests.formats.test_c3d_moved_frames import KINDS, motion
+from tests.shared_data import SHARED_DATA
+
+FRAMES, MARKERS = 300, 25
+LABELS = tuple(f"m{k}" for k in range(MARKERS))
+
+
+def cloth(rate=100.0, far=0.3, hertz=1.0, pitch=0.06, noise=3e-4, markers=5, seed=0):
+    """A grid of markers [m] that swings, its lower rows behind the upper ones."""
+    time, k = np.arange(FRAMES)[:, None] / rate, np.arange(markers**2)
+    places = np.tile(np.stack([pitch * (k % markers), 0 * k, 1.5 - pitch * (k // markers)], 1), (FRAMES, 1, 1))
+    swing = far * np.sin(2 * np.pi * hertz * time - (k // markers) / markers)
+    places[..., 1] += swing
+    places[..., 2] += 0.1 * np.abs(swing)
+    return places + np.random.default_rng(seed).normal(0, noise, places.shape)
+
+
+def told(places, rate=100.0):
+    labels = [f"m{k}" for k in range(places.shape[1])]
+    return remove_exchanged(np.arange(len(places)) / rate, places, labels, lambda k: f"frame {k + 1}")
+
+
+def with_exchanged(places, frames, *markers):
+    """Positions of which some frames have each marker's label at the next one."""
+    found = places.copy()
+    found[np.ix_(frames, markers)] = places[np.ix_(frames, np.roll(markers, 1))]
+    return found
+
+
+def without(places, frames, *markers):
+    found = places.copy()
+    found[np.ix_(frames, markers)] = np.nan
+    return found
+
+
+SPANS = {
+    "one": (np.array([130]), "in frame 131 (1.30 s)"),
+    "first": (np.arange(1), "in frame 1 (0.00 s)"),
+    "last": (np.arange(FRAMES - 1, FRAMES), "in frame 300 (2.99 s)"),
+    "stretch": (np.arange(130, 150), "from frame 131 to frame 150 (1.30 to 1.49 s)"),
+    "head": (np.arange(100), "from frame 1 to frame 100 (0.00 to 0.99 s)"),
+    "tail": (np.arange(200, FRAMES), "from frame 201 to frame 300 (2.00 to 2.99 s)"),
+    "most": (np.arange(100, FRAMES), "from frame 1 to frame 100 (0.00 to 0.99 s)"),
+}
+
+
+@pytest.mark.parametrize("span", SPANS)
+@pytest.mark.parametrize("markers", [(0, 1), (7, 18), (3, 4, 9), (20, 0, 12, 5)])
+def test_exchanged_labels_are_named_with_their_seconds_and_count_as_not_seen(span, markers):
+    frames, when = SPANS[span]
+    places = with_exchanged(cloth(), frames, *markers)
+    other = np.arange(100) if span == "most" else frames
+    expected = without(places, other, *markers)
+    names = [f"m{k}" for k in sorted(markers)]
+    shown = ", ".join(names[:3]) + " and 1 more" * (len(names) > 3)
+    assert told(places) == f"labels seem exchanged, so these count as not seen: {shown} {when}"
+    np.testing.assert_array_equal(places, expected)
+
+
+@pytest.mark.parametrize("rate", [60.0, 100.0, 200.0])
+@pytest.mark.parametrize("step", [7, 9, 20])
+def test_labels_exchanged_in_one_frame_of_several_are_named_throughout(rate, step):
+    frames = np.arange(5, FRAMES, step)
+    places = with_exchanged(cloth(rate), frames, 7, 8)
+    expected = without(places, frames, 7, 8)
+    sentence = told(places, rate)
+    np.testing.assert_array_equal(places, expected)
+    assert sentence.startswith(
+        f"labels seem exchanged, so these count as not seen: m7, m8 in frame 6 ({5 / rate:.2f} s); m7, m8 in frame "
+    )
+    assert sentence.endswith(f" and {len(frames) - 3} more times")
+
+
+def test_all_labels_in_reverse_are_named():
+    places = cloth()
+    places[5::9] = places[5::9, ::-1]
+    told(places)
+    assert np.isnan(places[5::9][:, [0, 5, 24]]).all()
+    assert np.isfinite(np.delete(places, np.s_[5::9], axis=0)).all()
+
+
+def test_two_pairs_that_overlap_are_told_apart():
+    places = with_exchanged(with_exchanged(cloth(), np.arange(50, 90), 1, 17), np.arange(70, 120), 4, 23)
+    expected = without(without(places, np.arange(50, 90), 1, 17), np.arange(70, 120), 4, 23)
+    assert "m1, m4, m17 and 1 more from frame 71 to frame 90 (0.70 to 0.89 s)" in told(places)
+    np.testing.assert_array_equal(places, expected)
+
+
+@pytest.mark.parametrize("gap", [1, 3, 5])
+def test_labels_exchanged_behind_a_short_gap_are_named(gap):
+    places = with_exchanged(cloth(), np.arange(130, 150), 7, 18)
+    places[130 - gap : 130, 7] = np.nan
+    expected = without(places, np.arange(130, 150), 7, 18)
+    assert "m7, m18 from frame 131 to frame 150 (" in told(places)
+    np.testing.assert_array_equal(places, expected)
+
+
+def test_unseen_frames_are_not_named():
+    places = with_exchanged(cloth(), np.arange(130, 150), 7, 18)
+    places[100:130] = places[150:180] = np.nan
+    assert told(places) == ""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_undamaged_motion_noise_and_rounding_show_no_exchange(kind):
+    rng = np.random.default_rng(2)
+    assert [told(*motion(kind, rng)) for _ in range(100)] == [""] * 100
+
+
+@pytest.mark.parametrize("rate", [20.0, 30.0, 60.0, 100.0])
+def test_fast_markers_that_cross_each_other_show_no_exchange(rate):
+    """At 20 frames a second the fastest one moves 0.75 m in a frame, and many lie 50 mm from each other."""
+    rng, time = np.random.default_rng(3), np.arange(FRAMES)[:, None, None] / rate
+    for _ in range(60):
+        shape = (int(rng.integers(2, 30)), 3)
+        swing = np.sin(2 * np.pi * rng.uniform(0.3, 4, shape) * time + rng.uniform(0, 6, shape))
+        places = rng.uniform(-0.1, 0.1, shape) + rng.uniform(0, 0.6, shape) * swing
+        assert told(places + rng.normal(0, 3e-4, places.shape), rate) == ""
+
+
+@pytest.mark.parametrize(("far", "hertz"), [(0.3, 1.0), (0.8, 2.0), (0.1, 3.0)])
+@pytest.mark.parametrize("rate", [30.0, 100.0])
+@pytest.mark.parametrize("pitch", [0.012, 0.06])
+def test_swinging_cloth_shows_no_exchange(far, hertz, rate, pitch):
+    assert told(cloth(rate, far, hertz, pitch, markers=7), rate) == ""
+
+
+def test_two_markers_that_meet_rest_and_part_are_not_named():
+    """They touch nearer than a marker's diameter."""
+    time = np.arange(FRAMES) / 100
+    places = np.zeros((FRAMES, 2, 3))
+    places[:, 0, 0] = np.maximum(np.abs(time - 1.5) - 0.1, 0)
+    places[:, 1, 0] = -places[:, 0, 0]
+    assert told(places) == told(places[:, :1]) == told(places[:4]) == ""
+
+
+@pytest.mark.parametrize("name", ["BTS", "Qualisys", "Vicon", "kt_racing_full"])
+def test_real_recordings_show_no_exchange_and_show_those_made(name):
+    path = SHARED_DATA / "c3d" / f"{name}.c3d"
+    if not path.exists():
+        pytest.skip(f"no recording at {path}")
+    tracks = read_c3d(path, None)
+    assert "exchanged" not in tracks.warning
+    rng, whole = np.random.default_rng(4), tracks.positions
+    first = int(np.isfinite(whole[..., 0]).sum(1)[:-30].argmax()) + 5
+    span = np.arange(first, first + 20)
+    seen = np.flatnonzero(np.isfinite(whole[first - 3 : first + 24]).all((0, 2)))
+    found = list[bool]()
+    for _ in range(30):
+        pair = rng.choice(seen, 2, replace=False)
+        places = with_exchanged(whole, span, *pair)
+        told(places, tracks.rate)
+        found.append(np.array_equal(places, without(whole, span, *pair), equal_nan=True))
+    assert np.mean(found) > 0.8
+
+
+@pytest.mark.parametrize("kind", ["csv", "c3d"])
+def test_files_of_every_kind_are_read_with_a_warning(tmp_path, kind):
+    places = with_exchanged(cloth(), np.arange(130, 150), 7, 18)
+    tracks, path = MarkerTracks(LABELS, np.arange(FRAMES) / 100, places), tmp_path / f"a.{kind}"
+    if kind == "csv":
+        write_marker_csv(path, tracks)
+    else:
+        path.write_bytes(c3d_bytes(1e3 * places, LABELS))
+    found = read_marker_tracks(path)
+    where = "line 132 to line 151" if kind == "csv" else "frame 131 to frame 150"
+    assert re.search(rf"exchanged, so these count as not seen: m7, m18 from {where} \(1.30 to 1.49 s\)", found.warning)
+    expected = without(places, np.arange(130, 150), 7, 18)
+    np.testing.assert_allclose(found.positions, expected, atol=2e-6)

@@ -161,7 +161,7 @@ def test_the_frame_behind_the_last_wanted_one_says_nothing_of_a_shift():
 
     def other(at, size):
         raw = bytearray(read(0, 12 * where.width))
-        raw[count * where.width : (count + 1) * where.width] = after.astype("<f4").tobytes()
+        raw[count * where.width + by : (count + 1) * where.width] = after.astype("<f4").tobytes()[by:]
         return bytes(raw[at : at + size])
 
     assert _shift_behind(other, where, before, count) == (0.0, by)

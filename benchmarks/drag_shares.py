@@ -51,7 +51,7 @@ MOTIONS = ("mixed", "gentle")  # those that the demo is fitted to
 DEMO_SEEDS = (2, 3)  # of these motions in `scripts/demo`
 SECONDS = 6.0  # of a recording, as in `scripts/demo`
 SPACING, FINER = 0.05, 0.025  # m, mesh of the fit: the default, and half of it
-POINT_NOISE = 4.7e-3 / np.sqrt(3)  # m a coordinate: the noise of a point that the demo's diagnosis states
+POINT_NOISE = 4.7e-3 / np.sqrt(3)  # m a coordinate: a point's noise by the demo's diagnosis at first; 4.3 today
 HELD_NOISE = 1.2e-3 / np.sqrt(3)  # m a coordinate: the markers' error in benchmarks/tracking.py
 EXACT_SD = 1e-3  # m, stated of exact points: weights all alike
 # si's parameters and the drag. Stretch is the threads' 300 N/m and the diagonals' 40; the planted cloth has no damping

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import stdtrit
 
 from fit.cloth.effect import Effect, size_of
 from fit.gap.closure import block_errors, gain_p_value, share_of
@@ -32,8 +33,8 @@ CHOICE_FLATTERS = " Probabilities flatter too, because only the p-values allow f
 BASE_FIT = "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit."
 FROM_EFFECT = "One of its starts is the best refit with an effect. So another library may end it elsewhere."
 WITH_ALL_ENDS = (
-    "The intervals of its parameters cover the takes' noise and the ends of those starts that the takes do not tell "
-    "apart."
+    "The intervals of its parameters cover the takes' noise, the ends of those starts that are as good, and a further "
+    "end by their scatter."
 )
 FLOOR = (
     "The sensor's noise in this diagnosis is a distance in space, measured on the judged takes. The hanger's noise, "
@@ -164,23 +165,37 @@ def with_nothing(evidence: Evidence, effect: str, interval: tuple[float, float])
 
 
 def alike_ends(observer: Observer, best: Fitted, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Return the best base fit, and the ends of other starts that the takes do not tell from it.
+    """Return the best base fit, and the ends of other starts that are as good as it, least cost first.
 
-    They agree with it in cost (`fit.gap.gates.CONVERGED`). And the best one's smaller error may be chance: the p-value
-    of a paired test over half-second blocks is at least 5 %.
+    They agree with it in cost (`fit.gap.gates.CONVERGED`). Or its smaller error may be chance: the p-value of a paired
+    test over half-second blocks is at least 5 %. The test may tell ends apart that agree in cost. That is no reason to
+    leave one out, because chance decided which minima the search met, and the truth's may be none of them. Where no end
+    is as good, the second best counts, since one end alone shows no agreement.
     """
     most, errors = (1.0 + CONVERGED) * best.cost, block_errors(observer, best.residual)
-    near = [one for one in fits if one is not best and one.cost <= most]
-    return [best, *(o for o in near if share_of(block_errors(observer, o.residual), errors, 0.0).p_value >= ONE_END)]
+    others = sorted((one for one in fits if one is not best), key=lambda one: one.cost)
+    alike = [
+        one for one in others
+        if one.cost <= most or share_of(block_errors(observer, one.residual), errors, 0.0).p_value >= ONE_END
+    ]  # fmt: skip
+    return [best, *(alike or others[:1])]
 
 
 def base_parameters(model: Parameterisation, ends: Sequence[Fitted]) -> list[FitParameter]:
-    """Describe the parameters of the best base fit with 90 % intervals, which cover all of `alike_ends`."""
+    """Describe the parameters of the best base fit with 90 % intervals, which cover `alike_ends` and a further end.
+
+    An interval holds the intervals of all ends. Let m be the mean and s the standard deviation of the K ends, and h the
+    half width of the widest end's interval. The interval then also holds
+
+        m - w to m + w,   w^2 = h^2 + t^2 s^2 (1 + 1/K),   t: 95 % of Student's distribution, K - 1 degrees of freedom
+
+    This predicts the minimum that a further start would meet. Source: G. J. Hahn, "Factors for calculating two-sided
+    prediction intervals ...", J. American Stat. Assoc. 64 (1969).
+    """
     described, fitted = [], ends[0]
     for k, parameter in enumerate(model.parameters):
         value = float(fitted.vector[k])
-        low, high = np.array([_interval(parameter, one, k) for one in ends]).T
-        low, high = float(low.min()), float(high.max())
+        low, high = _of_a_further_end(parameter, ends, k)
         half = NORMAL_90 * float(fitted.deviation[k])
         if parameter.is_log and len(ends) > 1:
             half = max(half, float(np.log(high / low)) / 2)
@@ -201,6 +216,21 @@ def base_parameters(model: Parameterisation, ends: Sequence[Fitted]) -> list[Fit
             )
         )
     return described
+
+
+def _of_a_further_end(parameter: Parameter, ends: Sequence[Fitted], k: int) -> tuple[float, float]:
+    """Return the 90 % interval of parameter `k` that covers ends and predicts a further one."""
+    lows, highs = np.array([_interval(parameter, one, k) for one in ends]).T
+    low, high, count = float(lows.min()), float(highs.max()), len(ends)
+    if count == 1:
+        return low, high
+    scale, back = (np.log, np.exp) if parameter.is_log else (np.asarray, np.asarray)
+    values = scale(np.array([float(one.vector[k]) for one in ends]))
+    half = NORMAL_90 * max(float(one.deviation[k]) for one in ends)
+    apart = float(stdtrit(count - 1, 0.95)) * float(values.std(ddof=1)) * np.sqrt(1 + 1 / count)
+    wide = float(np.hypot(half, apart))
+    low, high = min(low, float(back(values.mean() - wide))), max(high, float(back(values.mean() + wide)))
+    return max(low, parameter.minimum), min(high, parameter.maximum)
 
 
 def _interval(parameter: Parameter, fitted: Fitted, k: int) -> tuple[float, float]:

@@ -53,6 +53,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     rows = {name: one.raw for name, one in rounds.screened.items()}
     known = known_error_mm(noise, refined)
     made: dict[str, int] = {}
+    ends: list[Fitted] = []  # further ends of the base model, which the search keeps only where they are better
 
     def refit(wanted: list[Subset], tasks: list[Task]) -> list[Fitted]:
         names = []
@@ -60,7 +61,9 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
             name = kept_as(subset) or "base"
             made[name] = made.get(name, 0) + 1
             names.append(f"weighed-{name}-{made[name]}")
-        return rounds.kept.recall(names, lambda: fit(rounds.observer, tasks))
+        fitted = rounds.kept.recall(names, lambda: fit(rounds.observer, tasks))
+        ends.extend(one for subset, one in zip(wanted, fitted, strict=True) if not subset)
+        return fitted
 
     def renew(about: Fitted) -> dict[str, Floats]:
         left = [name for name in rounds.tested if name not in about.active]
@@ -74,7 +77,8 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     found.mass = limited(rounds.observer, found)
     if found.fits[()] is not base:
         (rounds.base,) = judged(rounds.judge, [found.fits[()]])
-        rounds.fits = sorted([*rounds.fits, found.fits[()]], key=lambda one: one.cost)
+    if ends:
+        rounds.fits = sorted([*rounds.fits, *ends], key=lambda one: one.cost)
     singles = [one for one in found.fits.values() if len(one.active) == 1]
     several = [one for one in found.fits.values() if len(one.active) > 1]
     opened = judged(rounds.judge, singles + several)

@@ -154,13 +154,16 @@ def draw_intervals(space: BoundedSpace, draws: Floats, best: Floats) -> Interval
     return Intervals(ends, is_identified, covariance, way, NORMAL_90, low | high)
 
 
-def jackknife(residuals: Floats, jacobian: Floats, number: Integers) -> tuple[Floats, Floats]:
-    """Return the jackknife covariance, (p, p), and the remaining step to the minimum, (p,), in shares of the box.
+def jackknife(
+    residuals: Floats, jacobian: Floats, number: Integers, prior: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Return the jackknife covariance, (p, p), and the remaining step to the minimum, (p,), in working coordinates.
 
-    number, (m,): of each residual's block, counted from 0.
+    - `number`, (m,): of each residual's block, counted from 0
+    - `prior`, (p, p): its precision; None is flat over a box, in whose shares the results are
     """
     count = int(number.max()) + 1
-    prior = np.eye(jacobian.shape[1]) / PRIOR_SD**2
+    prior = np.eye(jacobian.shape[1]) / PRIOR_SD**2 if prior is None else prior
     own = [jacobian[number == b] for b in range(count)]
     slopes = np.stack([own[b].T @ residuals[number == b] for b in range(count)])
     whole = jacobian.T @ jacobian + prior

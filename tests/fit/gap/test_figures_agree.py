@@ -162,22 +162,40 @@ def uncorrelated(monkeypatch):
 @pytest.mark.usefixtures("uncorrelated")
 @pytest.mark.parametrize(
     ("share", "wobble", "is_alike"),
-    [(1.01, 0.3, True), (1.01, 0.0, False), (1.14, 0.9, True), (1.2, 0.99, False)],
+    [(1.01, 0.3, True), (1.01, 0.0, True), (1.14, 0.0, True), (1.16, 0.0, False), (1.2, 0.99, True), (1.2, 0.3, False)],
 )
-def test_ends_are_alike_where_costs_agree_and_the_better_one_may_be_chance(share, wobble, is_alike):
-    """1 % more in every block is no chance; 1 % more on average, and 30 % more or less in each block, is."""
-    best, other = ended(), ended(share, wobble)
-    assert alike_ends(Seen(), best, [best, other]) == ([best, other] if is_alike else [best])
+def test_ends_are_alike_where_costs_agree_or_the_better_one_may_be_chance(share, wobble, is_alike):
+    """A fifth more in every block is no chance; a fifth more on average, and twice or nothing in each block, is."""
+    best, near, other = ended(), ended(1.1), ended(share, wobble)
+    found = [id(one) for one in alike_ends(Seen(), best, [other, best, near])]
+    assert found[0] == id(best)
+    assert id(near) in found
+    assert (id(other) in found) == is_alike
 
 
-def test_the_interval_of_a_base_parameter_covers_every_alike_end():
-    first = SI.parameters[0]
-    ends = [ended(), ended(**{first.name: 2 * first.initial}), ended(**{first.name: 0.5 * first.initial})]
+@pytest.mark.usefixtures("uncorrelated")
+def test_the_second_best_end_counts_where_none_is_as_good():
+    best, second, third = ended(), ended(1.3), ended(1.4)
+    assert [id(one) for one in alike_ends(Seen(), best, [best, third, second])] == [id(best), id(second)]
+    assert [id(one) for one in alike_ends(Seen(), best, [best])] == [id(best)]
+
+
+def test_the_interval_of_a_base_parameter_covers_every_alike_end_and_predicts_a_further_one():
+    """Student's t of two degrees is 2.920, so that three ends a factor of e^x apart give 2.920 sqrt(4/3) x."""
+    first, apart = SI.parameters[0], np.log(1.1)
+    ends = [ended(), *(ended(**{first.name: first.initial * np.exp(x)}) for x in (apart, -apart))]
     (found, second, *_) = base_parameters(SI, ends)
     assert found.fitted == first.initial
-    assert found.interval_low == pytest.approx(0.5 * first.initial * np.exp(-0.1645), rel=1e-3)
-    assert found.interval_high == pytest.approx(2 * first.initial * np.exp(0.1645), rel=1e-3)
-    assert (found.is_identified, second.is_identified) == (False, True)
+    half = np.hypot(0.1645, 2.920 * np.sqrt(4 / 3) * apart)
+    assert half > 0.1645 + apart  # beyond the hull of the ends' own intervals
+    assert found.interval_low == pytest.approx(first.initial * np.exp(-half), rel=1e-3)
+    assert found.interval_high == pytest.approx(first.initial * np.exp(half), rel=1e-3)
+    assert (second.interval_low, second.interval_high) == pytest.approx(
+        (second.initial * np.exp(-0.1645), second.initial * np.exp(0.1645)), rel=1e-3
+    )
+    wide = [ended(), *(ended(**{first.name: first.initial * x}) for x in (2.0, 0.5))]
+    assert [one.is_identified for one in base_parameters(SI, wide)[:2]] == [False, True]
+    assert found.is_identified
     (alone, *_) = base_parameters(SI, ends[:1])
     assert alone.is_identified
 

@@ -144,7 +144,8 @@ def test_every_note_is_shown_whole_and_in_its_order():
         "Probabilities are masses of the sets of effects that hold an effect, weighed on the takes fitted to.",
         "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit. One "
         "of its starts is the best refit with an effect. So another library may end it elsewhere. The intervals of its "
-        "parameters cover the takes' noise and the ends of those starts that the takes do not tell apart.",
+        "parameters cover the takes' noise, the ends of those starts that are as good, and a further end by their "
+        "scatter.",
         "The sensor's noise in this diagnosis is a distance in space, measured on the judged takes. The hanger's "
         "noise, which shakes the simulated cloth, is part of it. `hangtime takes show` gives the points' noise a "
         "coordinate.",

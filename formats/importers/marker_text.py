@@ -14,6 +14,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from formats.errors import TakeError
+from formats.importers.decimal_separators import are_too_far
 from formats.importers.marker_lines import CAN_BE_READ, LINES_OF_VICON_HEAD, TRAJECTORIES, Rows, read_lines
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import ALL, EXPORT_MEASURED, MarkerTracks, Wanted
@@ -61,8 +62,10 @@ def read_marker_text(path: Path, unit: GivenUnit | str | None, decimal: str = ""
         found = None if decimal else find_thousands(rows[1:])
         if found is None:
             raise
-    sign, warning = found
-    tracks = read(rows.with_decimal(sign), unit, path, wanted)
+        sign, warning = found
+        tracks = read(rows.with_decimal(sign), unit, path, wanted)
+        if are_too_far(tracks.positions):
+            raise
     return replace(tracks, warning="; ".join(filter(None, [warning, tracks.warning])))
 
 

@@ -1,8 +1,9 @@
 """Find the one reading of a marker file in which every number has thousands separators of one kind.
 
 Three kinds of number show that thousands are separated: 1,234.5 has both signs, 1,234,567 has two groups, and spaces or
-apostrophes are never decimal separators. The last sign of 1,234.5 is the decimal one. So no guess is needed, if the
-whole file agrees:
+apostrophes are never decimal separators. The last sign of 1,234.5 is the decimal one. Whole numbers such as 1,234 show
+it where times such as 0.005 have the decimal sign, and where whole numbers such as 987 occur. So no guess is needed, if
+the whole file agrees:
 
 - Every number has that decimal separator, and one kind of thousands separator. The error of a few lines with another
   decimal separator then names them.
@@ -22,7 +23,16 @@ from functools import cache
 from itertools import islice
 
 from formats.importers.marker_lines import Rows
-from formats.importers.number_cells import DECIMALS, GAP_WORDS, GROUP_SIGNS, GROUPED, SIGNED, sign_of_line, with_point
+from formats.importers.number_cells import (
+    CELL_END,
+    DECIMALS,
+    GAP_WORDS,
+    GROUP_SIGNS,
+    GROUPED,
+    SIGNED,
+    sign_of_line,
+    with_point,
+)
 from formats.importers.short_lines import OF_THE_CLOCK
 
 FEWEST_SHOWN = 3  # lines; our choice: one or two may be damaged
@@ -35,6 +45,9 @@ WHOLE_PART = re.compile(r"[+-]?(\d{4,})", re.ASCII)
 PARTED = re.compile(rf"[+-]?\d{{1,3}}([,.{GROUP_SIGNS}])\d{{3}}", re.ASCII)
 SPACED = re.compile(rf"[1-9]\d{{0,2}}[{GROUP_SIGNS}]\d{{3}}", re.ASCII)
 BOTH_SIGNS = re.compile(r"[.,]\d{3}[.,]", re.ASCII)  # with two groups as well; begins with a sign, which is quick
+BESIDE_ANOTHER = re.compile(
+    r"(?=.*,)(?=.*\.).*?(?<![\d.,])[1-9]\d{0,2}[.,]\d{3}(?![\d.,])", re.ASCII
+)  # 1,234 and a point
 FRAME_NUMBER = re.compile(r"\W*[1-9]\d{0,2}[.,]\d{3}(?!\d)", re.ASCII)  # at the beginning of a line
 
 
@@ -55,11 +68,27 @@ def _patterns(decimal: str, sign: str, end: str) -> tuple[re.Pattern[str], ...]:
     return *(re.compile(rf"{end}[+-]?{kind}", re.ASCII) for kind in kinds), re.compile(certain, re.ASCII)
 
 
+@cache
+def _patterns_beside(decimal: str, end: str) -> tuple[re.Pattern[str], ...]:
+    """Return the patterns of a cell whose separator is surely decimal, and of two kinds of cells behind an `end`.
+
+    The two are whole numbers with thousands separators, and those below 1000.
+    """
+    point, group = re.escape(decimal), re.escape("," if decimal == "." else ".")
+    return (
+        re.compile(rf"\s*(?:0*{point}\d+|\d+{point}(?!\d{{3}}\s*$)\d+|\d{{4,}}{point}\d+)\s*", re.ASCII),
+        re.compile(rf"{end}([+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+)(?={end}|$)", re.ASCII),
+        re.compile(rf"{end}[+-]?[1-9]\d{{0,2}}(?={end}|$)", re.ASCII),
+    )
+
+
 @dataclass
 class _Reading:
     """Observations in the numbers of a file, read with this decimal separator.
 
     - `names`: kinds of thousands separators; `shown`: number of lines that show one, `example` the first of them
+    - `beside`: number of lines with whole numbers that have one, beside a clock's decimals; `whole`: the first of them
+    - `has_below`: whether whole numbers below 1000 occur beside a clock's decimals
     - `wrong`: number of lines with a number that has another; `frame`: the last frame number
     - `digits`: the whole parts that occur, by their digits, four or `MANY` and more, and whether with a separator
     """
@@ -67,8 +96,11 @@ class _Reading:
     decimal: str
     names: set[str] = field(default_factory=set)
     shown: int = 0
+    beside: int = 0
+    has_below: bool = False
     wrong: int = 0
     example: str = ""
+    whole: str = ""
     frame: float = math.nan
     digits: set[tuple[int, bool]] = field(default_factory=set)
 
@@ -81,6 +113,7 @@ class _Reading:
                 return
             numbers.append(number)
         self.shown += self._take_cells(cells, numbers, frame + 1)
+        self._take_beside(CELL_END.join(cells), CELL_END)
 
     def take_line(self, line: str, end: str, sign: str | None) -> None:
         """Record a whole line's numbers as `take` does, from its text.
@@ -94,6 +127,17 @@ class _Reading:
         first = line.partition(end)[0]
         is_shown = self._take_cells([first], [first.replace(sign, "").replace(self.decimal, ".")], self.frame + 1)
         self.shown += self._take_text(line[len(first) :], end, sign) or is_shown
+        self._take_beside(line, end)
+
+    def _take_beside(self, line: str, end: str) -> None:
+        """Record a line whose whole numbers show thousands separators beside the decimals of its clock."""
+        *clock, places = line.split(end, OF_THE_CLOCK)
+        decimals, grouped, below = _patterns_beside(self.decimal, end)
+        if not any(map(decimals.fullmatch, clock)):
+            return
+        self.has_below = self.has_below or below.search(end + places) is not None
+        if found := grouped.search(end + places):
+            self.beside, self.whole = self.beside + 1, self.whole or found[1]
 
     def _take_cells(self, cells: list[str], numbers: list[str], frame: float) -> bool:
         """Record the first cells of a line, one by one; return whether they show thousands separators.
@@ -141,7 +185,8 @@ class _Reading:
     def is_shown(self) -> bool:
         """Whether the file shows this reading, and nothing against it."""
         is_even = (MANY, False) not in self.digits and not {(4, True), (4, False)} <= self.digits
-        is_usual = self.shown >= FEWEST_SHOWN and self.wrong <= MOST_OTHERWISE * self.shown
+        shown = max(self.shown, self.beside * self.has_below)
+        is_usual = shown >= FEWEST_SHOWN and self.wrong <= MOST_OTHERWISE * shown
         return is_usual and len(self.names) == 1 and is_even
 
 
@@ -176,7 +221,8 @@ def find_thousands(rows: Rows) -> tuple[str, str] | None:
     found = next((one for one in readings if one.is_shown), None)  # both agree only where no number has decimals
     if found is None:
         return None
-    return found.decimal, f"{next(iter(found.names))} were read as thousands separators, as in {found.example}"
+    example = found.example or found.whole
+    return found.decimal, f"{next(iter(found.names))} were read as thousands separators, as in {example}"
 
 
 def _may_show(line: str, separator: str) -> bool:
@@ -184,7 +230,8 @@ def _may_show(line: str, separator: str) -> bool:
     if any(sign in line for sign in GROUP_SIGNS) and SPACED.search(line):
         return True
     are_cells_whole = separator != "," or '"' in line
-    return are_cells_whole and (FRAME_NUMBER.match(line) or BOTH_SIGNS.search(line)) is not None
+    shows = FRAME_NUMBER.match(line) or BOTH_SIGNS.search(line) or BESIDE_ANOTHER.match(line)
+    return are_cells_whole and shows is not None
 
 
 def _is_of_a_frame(cell: str) -> bool:

@@ -177,3 +177,50 @@ def test_a_warning_of_thousands_stands_before_that_of_the_stated_count(tmp_path)
         "commas were read as thousands separators, as in 1,200.00; the file states 28 frames and holds 30; all of them "
         "were read"
     )
+
+
+WHOLE = np.round(PLACES) - 600  # mm: from 200 to 1800
+TIMED = ["a.trc", "motive.csv", "own.csv"]
+
+
+def whole_thousands(name, places=WHOLE, write=lambda value: f"{value:,.0f}"):
+    """A file of whole positions whose times have a decimal point."""
+    return text_of(name, "en", places, write)
+
+
+@pytest.mark.parametrize("name", TIMED)
+def test_whole_thousands_beside_times_with_a_point_are_read(tmp_path, name):
+    path = tmp_path / name
+    path.write_text(whole_thousands(name))
+    found = read_marker_tracks(path)
+    assert found.positions.reshape(30, 6) == pytest.approx(WHOLE / 1000, abs=1e-9)
+    assert np.diff(found.time) == pytest.approx(0.01)
+    example = next(f"{value:,.0f}" for row in WHOLE for value in row[name == "own.csv" :] if value >= 1000)
+    assert found.warning == f"commas were read as thousands separators, as in {example}"
+
+
+@pytest.mark.parametrize("name", TIMED)
+@pytest.mark.parametrize("kind", ["all above", "decimals", "without", "leading", "metres"])
+def test_whole_thousands_that_a_column_contradicts_are_refused(tmp_path, name, kind):
+    """Numbers with three decimals, or of two kinds, are beside a decimal point as well."""
+    places, write = {
+        "all above": (WHOLE + 1000, lambda value: f"{value:,.0f}"),
+        "decimals": (WHOLE, lambda value: f"{value / 1000:.3f}".replace(".", ",")),
+        "without": (WHOLE, lambda value: f"{value:,.0f}" if value < 1500 else f"{value:.0f}"),
+        "leading": (WHOLE, lambda value: f"{value:,.0f}" if value < 1500 else f"0{value / 10:.0f},125"),
+        "metres": (1000 * WHOLE, lambda value: f"{value / 1000:,.0f}"),
+    }[kind]
+    text = whole_thousands(name, places, write)
+    if kind == "metres":
+        text = text.replace("_mm", "_m").replace("\tmm\n", "\tm\n").replace("Millimeters", "Meters")
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(TakeError, match=r"holds '.+' beside '.+': which of them is the decimal separator\? Say which"):
+        read_marker_tracks(path)
+
+
+def test_whole_thousands_above_1000_are_read_with_a_stated_decimal_separator(tmp_path):
+    path = tmp_path / "a.trc"
+    path.write_text(whole_thousands("a.trc", WHOLE + 1000))
+    found = read_marker_tracks(path, decimal="point")
+    assert found.positions.reshape(30, 6) == pytest.approx((WHOLE + 1000) / 1000, abs=1e-9)

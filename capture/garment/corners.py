@@ -156,7 +156,7 @@ def _strong_corners(silhouette: Silhouette) -> NDArray[np.intp]:
     padded = cv2.copyMakeBorder(mask, rim, rim, rim, rim, cv2.BORDER_CONSTANT, value=0)
     response = cv2.cornerHarris(padded, HARRIS_BLOCK, 3, HARRIS_K)
     x, y = (silhouette.outline.astype(int) // 2 + rim).T
-    strength = response[np.minimum(y, response.shape[0] - 1), np.minimum(x, response.shape[1] - 1)]
+    strength = response[y, x]  # the rim holds what an odd length has beyond its half
     return np.flatnonzero(strength > STRONG_CORNER * strength.max())
 
 

@@ -54,8 +54,6 @@ class Placer:
         h, w = self._silhouette.mask.shape
         left, right = (min(max(int(u) + step, 0), w) for step in (-PATCH_RADIUS, PATCH_RADIUS + 1))
         top, bottom = (min(max(int(v) + step, 0), h) for step in (-PATCH_RADIUS, PATCH_RADIUS + 1))
-        if right - left < 2 or bottom - top < 2:
-            return np.full(3, np.nan), np.full(3, np.nan)
         # A little wider, so that the patch's own border is not taken for the cloth's.
         wide = (slice(max(top - MIXED_RIM, 0), bottom + MIXED_RIM), slice(max(left - MIXED_RIM, 0), right + MIXED_RIM))
         core = cv2.erode(self._silhouette.mask[wide], CORE, borderType=cv2.BORDER_CONSTANT, borderValue=0)

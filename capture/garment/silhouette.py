@@ -82,7 +82,7 @@ def cut_out(
     piece = cv2.compare(labels[rows, columns], label, cv2.CMP_EQ)
     closed = cv2.morphologyEx(piece, cv2.MORPH_CLOSE, SQUARE_3)
     outlines, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    outline = max(outlines, key=len)
+    outline = outlines[0]  # one piece has one outline
     filled = np.zeros(piece.shape, dtype=np.uint8)
     cv2.drawContours(filled, [outline], -1, 1, thickness=cv2.FILLED)
     raw = patch[rows, columns]

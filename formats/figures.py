@@ -15,6 +15,10 @@ NOISELESS_DIGITS = (
 # Our choice: more than twice as much, which still changes no digit that a person reads.
 ROUNDINGS = 16
 
+# Decimals that a number gets beyond its usual ones, so that it reads as on its side of a limit. Our choice: six more
+# tell apart whatever differs by more than rounding.
+MOST_MORE_DECIMALS = 6
+
 
 def short(value: float, digits: int = 3) -> str:  # our choice: no fit knows a parameter to more
     """Return a number with this many significant digits; below a million, whole numbers stay in full.
@@ -33,6 +37,31 @@ def without_noise(value: float) -> float:
     """
     plain = float(f"{value:.{NOISELESS_DIGITS}g}")
     return plain if abs(plain - value) <= ROUNDINGS * math.ulp(value) else value
+
+
+def beside(value: float, limit: float, decimals: int = 0, of_limit: int | None = None) -> tuple[str, str]:
+    """Return a number and the limit that it is compared with, both with as many decimals as show which is larger.
+
+    24.8 beside 25 is `24.8` and not `25`. A limit that its usual decimals state exactly keeps them.
+
+    - `decimals`: of the number, if these suffice; `of_limit`: of the limit, those of the number if None
+    """
+    usual = decimals if of_limit is None else of_limit
+    is_exact = float(f"{limit:.{usual}f}") == limit
+    for more in range(MOST_MORE_DECIMALS + 1):
+        many = usual if is_exact or not more else max(usual, decimals + more)
+        left, right = f"{value:z.{decimals + more}f}", f"{limit:.{many}f}"
+        if (float(left) < float(right), float(left) > float(right)) == (value < limit, value > limit):
+            return left, right
+    return f"{value:z.{decimals}f}", f"{limit:.{usual}f}"  # they differ by rounding alone
+
+
+def short_beside(value: float, limit: float, digits: int = 3) -> tuple[str, str]:  # our choice: as above
+    """Return a number and another one that it differs from, both with as many significant digits as show this."""
+    for more in range(digits, digits + MOST_MORE_DECIMALS + 1):
+        if short(value, more) != short(limit, more):
+            return short(value, more), short(limit, more)
+    return short(value, digits), short(limit, digits)
 
 
 def span_of(ends: tuple[float, float], digits: int = 3) -> str:  # our choice: as above

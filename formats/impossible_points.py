@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from formats.arrays import Booleans, Floats, Integers
+from formats.figures import beside
 from formats.findings import Finding
 from formats.judged_cloth import MOST_STRETCHED
 from formats.sights import Sights, spread
@@ -112,8 +113,12 @@ def describe_impossible(share: float) -> str:
     """Return the meaning of a share of impossible sightings in words, and the next step."""
     if share == 0.0:
         return "No point is further from the others than the cloth reaches."
-    found = f"{100 * share:.2g} % of a take's sightings of points {BEYOND_REACH}: markers that jump or are taken for "
-    found += "each other."
-    if share <= MOST_LEFT_OUT:
+    seen, most = beside(100 * share, 100 * MOST_LEFT_OUT)
+    is_few = share <= MOST_LEFT_OUT
+    found = (
+        f"{f'{100 * share:.2g}' if is_few else seen} % of a take's sightings of points {BEYOND_REACH}: markers that "
+    )
+    found += "jump or are taken for each other."
+    if is_few:
         return f"{found} These positions are left out."
-    return f"{found} At most {100 * MOST_LEFT_OUT:.0f} % may be: {CHECK_MARKERS}."
+    return f"{found} At most {most} % may be: {CHECK_MARKERS}."

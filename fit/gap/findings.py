@@ -21,7 +21,7 @@ from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
 from fit.search.intervals import NEAR_BOUND
 from formats.diagnosis_records import EffectFinding, Figure, Gap, NextExperiment
-from formats.figures import short, with_unit
+from formats.figures import short, short_beside, with_unit
 from formats.fit_records import AT_BOUND, FitParameter
 from formats.nature import NORMAL_90
 from formats.plain_text import first_few, joined
@@ -125,8 +125,8 @@ def describe_effects(
         if not len(moving):
             note = f"{NOT_SHOWN}: at its typical size the effect moves none of their points"
         elif not can_show and not beside:
-            least = with_unit(short(float(moving.min())), effect.unit)
-            most = with_unit(short(max(-effect.low, effect.high)), effect.unit)
+            ends = short_beside(float(moving.min()), max(-effect.low, effect.high))
+            least, most = (with_unit(end, effect.unit) for end in ends)
             beyond = f"{NOT_SHOWN}: only from {least} on would it show, and its range ends at {most}"
             note = "; ".join(filter(None, [note if sized else "", beyond]))  # `has_size` reads how a note begins
         found.append(

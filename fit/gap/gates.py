@@ -12,6 +12,7 @@ from fit.recordings.point_kind import describe_contradiction
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
 from formats.diagnosis_records import Gate
+from formats.figures import beside
 from formats.findings import HARDLY_MOVED, SHORTEST_DIAGNOSED
 from formats.impossible_points import MOST_LEFT_OUT, describe_impossible
 
@@ -44,6 +45,9 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
     is_long = shortest >= SHORTEST_DIAGNOSED
     lasts = shortest if is_long else np.floor(10 * shortest + 1e-6) / 10
     repeated = max(_repeated(r) for r in every)
+    spans, least_span = beside(1e3 * swing, 1e3 * HARDLY_MOVED)
+    moves, least_move = beside(1e3 * own, 1e3 * least, 1)
+    repeats, most_repeats = beside(100 * repeated, 100 * MOST_REPEATED)
     is_swung, is_moved, is_fresh = swing >= HARDLY_MOVED, own >= least, repeated <= MOST_REPEATED
     impossible = max(r.impossible for r in every)
     guessed = sum(not r.is_calibrated for r in every)
@@ -59,15 +63,14 @@ def data_gates(training: list[Recording], held_out: list[Recording]) -> list[Gat
              sentence=f"The shortest take lasts {lasts:.1f} s; at least {SHORTEST_DIAGNOSED:g} s are needed."
              + _unless(is_long, "Record longer.")),
         Gate(name="motion", passed=is_swung, figure=1e3 * swing, limit=1e3 * HARDLY_MOVED, unit="mm",
-             sentence=f"The hanger's smoothed path spans {1e3 * swing:.0f} mm in the liveliest take{of_swing}; at "
-             f"least {1e3 * HARDLY_MOVED:.0f} mm are needed." + _unless(is_swung, "Swing it wider.")),
+             sentence=f"The hanger's smoothed path spans {spans} mm in the liveliest take{of_swing}; at "
+             f"least {least_span} mm are needed." + _unless(is_swung, "Swing it wider.")),
         Gate(name="cloth motion", passed=is_moved, figure=1e3 * own, limit=1e3 * least, unit="mm",
-             sentence=f"The points move by {1e3 * own:.1f} mm against the hanger in the liveliest take{of_own}. At "
-             f"least {LEAST_OWN_MOTION:g} times their noise of {1e3 * noise:.1f} mm is needed."
+             sentence=f"The points move by {moves} mm against the hanger in the liveliest take{of_own}. At "
+             f"least {least_move} mm are needed, {LEAST_OWN_MOTION:g} times their noise."
              + _unless(is_moved, "Swing faster, or come nearer to the sensor.")),
         Gate(name="repeated frames", passed=is_fresh, figure=100 * repeated, limit=100 * MOST_REPEATED, unit="%",
-             sentence=f"{100 * repeated:.0f} % of the frames repeat the one before; at most "
-             f"{100 * MOST_REPEATED:.0f} % may."
+             sentence=f"{repeats} % of the frames repeat the one before; at most {most_repeats} % may."
              + _unless(is_fresh, "Record with a tracker that leaves out frames that it did not see.")),
         Gate(name="impossible points", passed=impossible <= MOST_LEFT_OUT, figure=100 * impossible,
              limit=100 * MOST_LEFT_OUT, unit="%", sentence=describe_impossible(impossible)),
@@ -155,10 +158,11 @@ def _mean_noise(observer: Observer) -> float:
 
 def _predictability_gate(observer: Observer, apart: float, frequency: float) -> Gate:
     noise = _mean_noise(observer)
-    sentence = f"A change of {NUDGE:g} in the parameters moves the points by {apart:.2f} mm" + (
+    moved, most = beside(apart, noise, 2, 1)
+    sentence = f"A change of {NUDGE:g} in the parameters moves the points by {moved} mm" + (
         f" under a pull of {frequency:g} Hz" if frequency else " in a free rollout"
     )
-    sentence += f"; at most their noise, {noise:.1f} mm, is allowed."
+    sentence += f"; at most their noise, {most} mm, is allowed."
     return Gate(name="predictability", passed=apart <= noise, figure=apart, limit=noise, unit="mm", sentence=sentence)
 
 
@@ -175,10 +179,11 @@ def convergence_gate(fits: list[Fitted], best_effect: float) -> Gate:
     """
     spread = disagreement(fits)
     limit = max(CONVERGED, float(min(f.cost for f in fits) / best_effect) ** SHARE_OF_EFFECT - 1)
+    above, most = beside(100 * spread, 100 * limit, 1, 0)
     return Gate(
         name="base fit", passed=spread <= limit, figure=100 * spread, limit=100 * limit, unit="%",
-        sentence=f"Of {len(fits)} starts of the base fit, the second best ends {100 * spread:.1f} % above the best in "
-        f"cost. At most {100 * limit:.0f} % above is allowed; this limit grows with what the best effect saves. Ends "
+        sentence=f"Of {len(fits)} starts of the base fit, the second best ends {above} % above the best in "
+        f"cost. At most {most} % above is allowed; this limit grows with what the best effect saves. Ends "
         "near in cost may still differ in their parameters.",
     )  # fmt: skip
 
@@ -189,9 +194,10 @@ def numerics_gate(closed: float | None, numerics_mm: float, ratio: float) -> Gat
     ratio: how many times finer
     """
     share = max(closed or 0.0, 0.0)
+    removed, most = beside(100 * share, 100 * LARGEST_NUMERICS)
     sentence = (
-        f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {100 * share:.0f} % of the squared "
-        f"error above the noise. At most {100 * LARGEST_NUMERICS:.0f} % is allowed. "
+        f"A mesh {ratio:.1f} times finer with its smaller step, refitted, removes {removed} % of the squared "
+        f"error above the noise. At most {most} % is allowed. "
         f"The mesh moves the points by about {numerics_mm:.1f} mm."
     )
     if closed is None:

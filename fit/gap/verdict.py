@@ -211,10 +211,11 @@ def _unnamed(evidence: Evidence) -> str:
     title, closed = evidence.observer.library[best].title, evidence.closure_of(evidence.singles[best])
     assert closed is not None
     low, high = closed.interval or (closed.value, closed.value)
+    share, _ = figures.beside(100 * closed.value, 100 * SMALLEST_CLOSURE)
     lacking = joined(what_lacks(evidence, best)) or "fewer than half of the draws name an effect that passes every test"
     return (
         f"There is a gap, and no effect in the library explains it for sure. {title[0].upper()}{title[1:]} would close "
-        f"{100 * closed.value:z.0f} % of it [{100 * low:z.0f} to {100 * high:z.0f} %]{beyond_all(closed)}, but the "
+        f"{share} % of it [{100 * low:z.0f} to {100 * high:z.0f} %]{beyond_all(closed)}, but the "
         f"evidence is too weak to name it: {lacking}.{_likely_all_the_same(evidence, best)}"
     )
 
@@ -225,8 +226,9 @@ def what_lacks(evidence: Evidence, effect: str) -> list[str]:
     closed, (_, interval) = evidence.closure_of(hypothesis), evidence.amplitude(effect, any_law=False)
     gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
     least = mesh_share(evidence.observer.library[effect]) * evidence.numerics_mm**2
+    shown, level = figures.beside(p_value, FAMILY_WISE_LEVEL, 2)
     failed = {
-        f"p is {p_value:.2g} where less than {FAMILY_WISE_LEVEL:g} is needed": p_value >= FAMILY_WISE_LEVEL,
+        f"p is {shown} where less than {level} is needed": p_value >= FAMILY_WISE_LEVEL,
         "its size may be 0, as far as noise, mesh and solver can tell": not excludes_zero(interval),
         "it removes no more error than mesh and solver may make": gain <= least,
         f"less than {100 * SMALLEST_CLOSURE:.0f} % is too little": closed is None or closed.value < SMALLEST_CLOSURE,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from formats.figures import head_of, round_step, short, span_of, with_unit, without_noise
+from formats.figures import beside, head_of, round_step, short, short_beside, span_of, with_unit, without_noise
 
 
 @pytest.mark.parametrize(
@@ -84,3 +84,28 @@ def test_digits_of_an_interval_are_those_that_are_asked_for():
 )  # fmt: skip
 def test_a_step_of_an_axis_is_the_least_round_one(least, step):
     assert round_step(least) == step
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "decimals", "of_limit", "shown"),
+    [
+        (24.8, 25.0, 0, None, ("24.8", "25")),  # a limit that is exact keeps its decimals
+        (25.3, 25.0, 0, None, ("25.3", "25")),
+        (30.0, 25.0, 0, None, ("30", "25")),
+        (25.0, 25.0, 0, None, ("25", "25")),
+        (24.999, 25.0, 0, None, ("24.999", "25")),
+        (3.40, 3.44, 1, None, ("3.40", "3.44")),
+        (1.72, 1.74, 2, 1, ("1.720", "1.740")),
+        (2.0, 1.7123, 2, 1, ("2.00", "1.7")),
+        (15.3, 15.4, 1, 0, ("15.30", "15.40")),
+        (14.0, 15.2, 1, 0, ("14.0", "15")),
+        (0.0502, 0.05, 2, None, ("0.0502", "0.05")),
+        (1.0, 1.0 + 1e-12, 1, None, ("1.0", "1.0")),  # they differ by rounding alone
+    ],
+)
+def test_a_number_beside_its_limit_reads_as_on_its_side_of_it(value, limit, decimals, of_limit, shown):
+    assert beside(value, limit, decimals, of_limit) == shown
+    assert beside(-0.001, 25.0) == ("0", "25")
+    assert short_beside(0.3004, 0.3) == ("0.3004", "0.3")
+    assert short_beside(0.45, 0.3) == ("0.45", "0.3")
+    assert short_beside(0.3, 0.3) == ("0.3", "0.3")

@@ -205,3 +205,11 @@ def test_an_alike_end_at_a_bound_leaves_the_whole_range():
     (found, *_) = base_parameters(SI, [ended(), ended(**{first.name: first.maximum})])
     assert (found.interval_low, found.interval_high) == (first.minimum, first.maximum)
     assert (found.is_identified, found.is_at_bound) == (False, False)
+
+
+def test_a_closure_below_the_least_one_reads_as_below_it():
+    """24.8 % of the gap: 144 mm^2 - 0.248 (144 - 25) are left, of which mesh and solver may make 64."""
+    evidence = evidence_of({"air_lift": float(np.sqrt(144 - 0.248 * 119))})
+    said = _unnamed(dataclasses.replace(evidence, numerics_mm=8.0))
+    assert "would close 24.8 % of it [" in said
+    assert "less than 25 % is too little" in said

@@ -173,7 +173,7 @@ GATES = [
              "fitted to; at least "
              "30 mm are needed. Swing it wider."),
             ("cloth motion", False, 1.0, 2e3 * np.sqrt(3e-6), "mm", "The points move by 1.0 mm against the hanger in "
-             "the liveliest take fitted to. At least 2 times their noise of 1.7 mm is needed. Swing faster, or "
+             "the liveliest take fitted to. At least 3.5 mm are needed, 2 times their noise. Swing faster, or "
              "come nearer to the sensor."),
             ("repeated frames", True, 0.0, 10.0, "%", "0 % of the frames repeat the one before; at most 10 % may."),
             ("impossible points", False, 20.0, 5.0, "%", describe_impossible(0.2)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 from formats.meant_units import THOUSANDS, number_meant
 
 COMMA_FOR_POINT = re.compile(r"[+-]?\d*,\d+")
+# Typer's words for a value and its choices.
+NOT_ONE_OF = re.compile(r"(?:Value error, )?('(.*)' is not (?:one of )?('.*'))\.?", re.DOTALL)
+QUOTED = re.compile(r"'([^']*)'")
 RANGE_WORDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
 NOUNS = {
     "float": "number",
@@ -27,8 +31,13 @@ UNIT_FIELDS = {
 def reword(error: Any) -> None:
     """Replace the text of a failed validation by the value and, where known, the intended value.
 
-    Typer before 0.27 validates by itself and names the value; its errors stay unchanged.
+    Typer before 0.27 validates by itself and names the value; its errors stay unchanged. So do those of a choice, which
+    get the question whether a near one was meant.
     """
+    if chosen := NOT_ONE_OF.fullmatch(str(getattr(error, "message", ""))):
+        near = difflib.get_close_matches(chosen[2].lower(), QUOTED.findall(chosen[3]), 1)
+        error.message = chosen[1] + (f"; did you mean {near[0]!r}?" if near else ".")
+        return
     found = getattr(error.__cause__, "errors", None)
     if not callable(found) or not hasattr(error, "message"):
         return

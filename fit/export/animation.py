@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fit.cloth.launch import Progress
 from fit.cloth.mesh import check_spacing
-from fit.errors import FitError
+from fit.errors import FitError, nearest_first
 from fit.export import caches
 from fit.export.about import doubts, remarks_on_take
 from fit.export.fabric import fabric_of, why_no_fabric
@@ -111,9 +111,9 @@ def check_film(path: Path, size: tuple[int, int] = DEFAULT_SIZE, *, overwrite: b
     suffix = path.suffix.lower()
     if suffix not in ANIMATION_SUFFIXES:
         raise FitError(
-            f"{suffix or 'no ending'} is no format for motion",
+            f"{suffix} is no format for motion" if suffix else "has no ending, which names the format",
             where=path,
-            advice=f"use {', '.join(ANIMATION_SUFFIXES)}",
+            advice=nearest_first(suffix, ANIMATION_SUFFIXES, "give one of"),
         )
     if not all(SMALLEST_SIDE <= n <= LARGEST_SIDE and n % 2 == 0 for n in size):
         raise FitError(

@@ -93,7 +93,16 @@ def export_command(
     Example: `hangtime export results --to usd-physics`
     """
     from fit.export.about import doubts, remarks_on_take
-    from fit.export.kinds import EXPORT_KINDS, WITH_THICKNESS, Order, contents, default_path, write_contents
+    from fit.export.kinds import (
+        EXPORT_KINDS,
+        WITH_THICKNESS,
+        Order,
+        check_order,
+        checked_names,
+        contents,
+        default_path,
+        write_contents,
+    )
     from fit.export.usd_physics import THICKNESS
     from fit.identification.read_again import read_fit
     from formats.archive import read_take
@@ -117,6 +126,12 @@ def export_command(
         thickness=THICKNESS if thickness is None else thickness, spacing=spacing, show=show,
     )  # fmt: skip
     is_shown = to is ExportKind.TABLE and out is None  # the sheet itself tells the doubts
+    path = out or default_path(file, to.value)
+    if is_shown:
+        check_order(order, to.value)
+    else:
+        check_is_no_input(path, {"FIT": file} | ({"--take": take} if take is not None else {}))
+        checked_names(order, to.value, path, overwrite=overwrite)
     remarks = [] if is_shown else doubts(result, order.fabric_if_any)
     remarks = list(dict.fromkeys([*remarks, *remarks_on_take(result, order.take)]))
     for remark in remarks:
@@ -125,8 +140,6 @@ def export_command(
         sheet = next(iter(EXPORT_KINDS[to.value].make(order).values())).decode()
         tell(sheet.removesuffix("\n"), table=sheet)
         return
-    path = out or default_path(file, to.value)
-    check_is_no_input(path, {"FIT": file} | ({"--take": take} if take is not None else {}))
     try:
         made = contents(order, to.value, path, overwrite=overwrite)
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@ A kind contains the fit alone, its fabric, or its motion under a take's hanger.
 from __future__ import annotations
 
 import contextlib
+import difflib
 import functools
 import threading
 from collections.abc import Callable, Mapping
@@ -32,6 +33,8 @@ from formats.take import Take
 
 # Programs choose the format by the suffix alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
 BY_END = {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".abc", ".pc2", ".csv", ".parquet", ".u3m", ".xml", ".py"}
+# of letters alike; our choice: .cvs for .csv and .parqet have 0.75 and more, .txt and .dat of every known ending less
+MISSPELT = 0.7
 Show = Callable[[float, str], None]
 # m, from the thinnest foil to quilted wadding. Our choice: outside is a thickness in another unit.
 LEAST_THICKNESS, MOST_THICKNESS = 1e-5, 0.02
@@ -214,6 +217,16 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
     Raises:
         FitError, OutputError: as `export`.
     """
+    names = checked_names(order, kind, path, overwrite=overwrite)
+    return {names[suffix]: raw for suffix, raw in EXPORT_KINDS[kind].make(order).items()}
+
+
+def check_order(order: Order, kind: str) -> None:
+    """Refuse an unknown kind, and arguments that are out of range or without effect on an export of this kind.
+
+    Raises:
+        FitError: names the argument.
+    """
     if kind not in EXPORT_KINDS:
         raise unknown_name("export", kind, EXPORT_KINDS, where="--to")
     if not LEAST_THICKNESS <= order.thickness <= MOST_THICKNESS:
@@ -223,18 +236,21 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
         )  # fmt: skip
     check_spacing(order.spacing)
     _check_used(order, kind)
+
+
+def checked_names(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> dict[str, Path]:
+    """Return the path of every file of an export by its suffix, checked before any simulation.
+
+    Raises:
+        FitError, OutputError: as `export`.
+    """
+    check_order(order, kind)
     chosen = EXPORT_KINDS[kind]
     check_name(path)
     if not path.name:  # `.` and `/`, which have no ending to look at
         refuse_to_replace(path, overwrite=overwrite)
     beside = chosen.beside if order.take is not None else ()
-    end = path.with_suffix(chosen.suffix).suffix
-    if path.suffix.lower() in BY_END and path.suffix.lower() not in {end, ".usd" if end.startswith(".usd") else end}:
-        raise FitError(
-            f"--to {kind} writes no {path.suffix}, and programs go by the end of the name",
-            where=path,
-            advice=f"give a name that ends in {end}",
-        )
+    _check_end(path, path.with_suffix(chosen.suffix).suffix, kind)
     if path.suffix in beside:
         raise FitError(
             f"{path.suffix} is the end of the file beside it",
@@ -245,8 +261,26 @@ def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) ->
     for file in names.values():
         refuse_to_replace(file, overwrite=overwrite)
     chosen.check()
-    made = chosen.make(order)
-    return {names[suffix]: raw for suffix, raw in made.items()}
+    return names
+
+
+def _check_end(path: Path, end: str, kind: str) -> None:
+    """Refuse an ending by which programs take the file for one of another format, or a misspelt one.
+
+    end: the usual ending of the kind
+
+    Raises:
+        FitError: names the usual ending.
+    """
+    given, usual = path.suffix.lower(), {end, ".usd" if end.startswith(".usd") else end}
+    if given in usual or not (given in BY_END or difflib.get_close_matches(given, {*BY_END, end}, 1, MISSPELT)):
+        return
+    advice = f"give a name that ends in {end}"
+    if given not in BY_END and difflib.get_close_matches(given, usual, 1, MISSPELT):
+        advice = f"did you mean {path.with_suffix(end).name}?"
+    raise FitError(
+        f"--to {kind} writes no {path.suffix}, and programs go by the end of the name", where=path, advice=advice
+    )
 
 
 def _check_used(order: Order, kind: str) -> None:

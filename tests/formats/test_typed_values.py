@@ -31,6 +31,9 @@ from tests.fit.here import hangtime_here
         ("record --seconds 1_0", "'1_0' is no number; write it without an underscore"),
         ("swatch a.toml --mass 0.04 --markers 1_0", "'1_0' is no whole number; write it without an underscore"),
         ("takes export a --to pdf --out x", "'pdf' is not one of 'csv', 'c3d', 'npz', 'parquet', 'rrd'"),
+        ("takes export a --to cvs --out x", "'parquet', 'rrd'; did you mean 'csv'?"),
+        ("export a --to blendr", "'abc', 'pc2'; did you mean 'blender'?"),
+        ("export a --to USD-Physic", "'abc', 'pc2'; did you mean 'usd-physics'?"),
         ("record --seconds 100000", "100000 is outside the range: the value must be"),
     ],
 )

@@ -98,8 +98,13 @@ def test_a_film_has_even_numbers_of_pixels_from_64_to_4096(tmp_path, size, is_re
 
 
 def test_a_name_without_an_ending_or_with_an_unknown_one_is_no_film(tmp_path):
-    for name, said in (("a", "no ending"), ("a.avi", r"\.avi")):
-        with pytest.raises(FitError, match=f"{said} is no format for motion; use .mp4, .webm, .gif, .usdc, .glb"):
+    others = r"give one of: \.mp4, \.webm, \.gif, \.usdc, \.glb$"
+    for name, said in (
+        ("a", f"has no ending, which names the format; {others}"),
+        ("a.avi", rf"\.avi is no format for motion; {others}"),
+        ("a.mp5", r"\.mp5 is no format for motion; did you mean \.mp4\? The others: \.webm, \.gif, \.usdc, \.glb$"),
+    ):  # fmt: skip
+        with pytest.raises(FitError, match=said):
             check_film(tmp_path / name)
     check_film(tmp_path / "a.GLB")
 

@@ -94,3 +94,36 @@ def test_a_fit_without_intervals_says_that_nothing_tells_how_sure_its_numbers_ar
     (line,) = doubts(given, fabric_of(given))
     assert line.startswith("Warning: nothing tells how sure stretch warp, stretch weft, shear, bending warp")
     assert line.endswith("velocity damping may be. The fit computed no interval.")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--to newton --take a.mcap", "--take: newton holds the fabric alone, and no garment"),
+        ("--to table --take a.mcap", "--take: table holds the fabric alone, and no garment"),
+        ("--to csv --spacing 0.02", "--spacing: csv holds no mesh here"),
+        ("--to csv --out x.cvs", "x.cvs: --to csv writes no .cvs, and programs go by the end of the name; did you mean "
+         "x.csv?"),
+        ("--to parquet --out x.parqet", "and programs go by the end of the name; did you mean x.parquet?"),
+        ("--to csv --out x.parqet", "x.parqet: --to csv writes no .parqet, and programs go by the end of the name; "
+         "give a name that ends in .csv"),
+        ("--to gltf --take a.mcap --out x.gbl", "did you mean x.glb?"),
+    ],
+)  # fmt: skip
+def test_a_wrong_order_is_refused_before_any_doubt_is_told(tmp_path, words, said):
+    """A fit of unidentified numbers has doubts."""
+    save_fit_result(tmp_path / "fit.json", a_fit(unknown=("bending_stiffness",)))
+    time = np.arange(0, 0.8, 1 / 30)
+    write_take(tmp_path / "a.mcap", take_of(sheet(), time, swing(time), hung(sheet(), time)))
+    done = hangtime_here("export", ".", *words.split(), folder=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("name", ["x", "x.zip", "x.CSV", "x.txt"])
+def test_a_name_with_another_ending_is_kept(tmp_path, name):
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    assert hangtime_here("export", ".", "--to", "csv", "--out", name, folder=tmp_path).returncode == 0
+    assert (tmp_path / name).exists()

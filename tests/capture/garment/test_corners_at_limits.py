@@ -8,17 +8,21 @@ import cv2
 import numpy as np
 import pytest
 
+from capture.depth.surface import LATERAL_SD
 from capture.errors import UntrackableError
 from capture.garment import corners as module
 from capture.garment.corners import (
     CURL_SD,
     FARTHEST_REFINEMENT,
+    FLATTEST_CROSSING,
+    HARRIS_SD,
     HELD_LINE_SD,
     SHORTEST_ARM,
     STRONG_CORNER,
     PanelCorners,
     ShirtCorners,
     _line_through,
+    _refined,
     _side_line,
     _strong_corners,
 )
@@ -98,11 +102,32 @@ def test_sides_of_a_narrow_or_a_flat_garment_lie_outside_of_it(mask, turned):
     assert found.pixels[2:] == pytest.approx(LEFT_TOP + np.array(lower), abs=1e-6)
 
 
-def test_a_side_near_the_middle_of_its_outline_keeps_its_outward_side():
-    """The middle lies half a pixel above the row: outwards is down."""
+@pytest.mark.parametrize("above", [0.5, 0.0])
+def test_a_side_near_the_middle_of_its_outline_keeps_its_outward_side(above):
+    """The middle lies half a pixel above the row, or on it: outwards is down."""
     outline = np.stack([np.arange(200.0), np.zeros(200)], 1)
-    line, _ = _side_line(outline, 0, 80, np.array([24.0, -0.5]), 45.5, None)
+    line, _ = _side_line(outline, 0, 80, np.array([24.0, -above]), 45.5, None)
     assert line == pytest.approx([0.0, 1.0, -0.5], abs=1e-9)
+
+
+def test_a_pixel_exactly_two_and_a_half_scatters_from_a_side_does_not_count():
+    """The middle one of 43, 2 px off the line through all of them, where the least scatter is 0.8 px."""
+    heights = np.zeros(46)
+    heights[24], heights[[14, 34]] = 2.0, -1.0
+    assert 2.5 * LATERAL_SD == 2.0
+    _, sd = row_of(heights)
+    assert sd == pytest.approx(math.hypot(1.6 / math.sqrt(42), CURL_SD))
+
+
+def test_lines_that_cross_exactly_ten_pixels_away_or_at_the_flattest_angle_refine():
+    """Six right and eight down; a sine of 0.34."""
+    assert FLATTEST_CROSSING == 0.34
+    upright, level = np.array([1.0, 0.0, -6.0]), np.array([0.0, 1.0, -8.0])
+    assert _refined(np.zeros(2), [(upright, 0.2), (level, 0.3)])[0].tolist() == [6.0, 8.0]
+    flat = np.array([math.sqrt(1 - 0.34**2), 0.34, 0.0])
+    for line, is_refined in ((flat, True), (np.array([flat[0], np.nextafter(0.34, 0.0), 0.0]), False)):
+        _, sd = _refined(np.zeros(2), [(np.array([1.0, 0.0, 0.0]), 0.2), (line, 0.3)])
+        assert (sd[0] != HARRIS_SD) == is_refined
 
 
 @pytest.mark.parametrize("corner", [0, 2])
@@ -210,3 +235,14 @@ def test_a_way_that_leads_nowhere_counts_as_a_metre_too_long():
 def test_a_thing_exactly_at_the_jump_is_not_nearer(raw, is_behind):
     cloth = silhouette(rectangle(20, 20, 99, 139), raw=np.full(WHOLE.shape, raw, np.uint16))
     assert is_behind_something(cloth, np.array([LEFT + 99.0, TOP + 80.0]), 1.6, 0.1) == is_behind
+
+
+def test_a_point_exactly_a_centimetre_from_a_corner_is_none():
+    """From a corner at the origin."""
+    outline = OUTLINE - OUTLINE[0]
+    points = outline.copy()
+    points[0] = (0.01, 0.0)
+    with pytest.raises(UntrackableError, match="the point 'a' is neither"):
+        of(skirt(outline=outline, points=points))
+    points[0] = (float(np.nextafter(0.01, 0.0)), 0.0)
+    assert of(skirt(outline=outline, points=points)).roles == [0, 1, 2, 3]

@@ -15,7 +15,15 @@ from capture.garment.placing import Placer
 from capture.garment.plausibility import FASTEST_POINT, HARDEST_WHIP, POINT_MEMORY, MotionGate
 from capture.garment.silhouette import _before_jumps, _cut_above, _hanging_piece
 from capture.garment.slant import rim_slant
-from capture.garment.surface_scan import _in_metres, _patch, _smooth_depth, _smoothed, scan_surface
+from capture.garment.surface_scan import (
+    CORNER_REACH_PIXELS,
+    _in_metres,
+    _patch,
+    _side,
+    _smooth_depth,
+    _smoothed,
+    scan_surface,
+)
 from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, PIXEL, RECTANGLE, SQUARE, TOP, WHOLE, silhouette
 from tests.capture.garment.test_coverage_by_hand import metres
 from tests.capture.garment.test_peeking import CAMERA, CORNER, HELD, peeking, scene
@@ -312,3 +320,9 @@ def test_a_weak_first_detection_counts_in_the_first_frame_alone():
     late = MotionGate(1)
     late.admit(np.full((1, 3), np.nan), STILL, 0.0)
     assert late.admit(STILL, STILL, 0.1, weak)[0].tolist() == [False]
+
+
+def test_a_pixel_exactly_twelve_from_a_corner_is_left_out_of_its_side():
+    assert CORNER_REACH_PIXELS == 12.0
+    way = np.stack([np.arange(41.0), np.zeros(41)], axis=1)
+    assert _side(way, way[0], way[-1])[1:-1, 0].tolist() == list(range(13, 28))

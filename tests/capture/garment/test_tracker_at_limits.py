@@ -9,14 +9,18 @@ import pytest
 
 from capture.depth.surface import CorrelationMeter
 from capture.garment import tracker as module
-from capture.garment.folding import TRACES
+from capture.garment.folding import THRESHOLD, TRACES
 from capture.garment.occlusion import COVERED
-from capture.garment.tracker import SilhouetteTracker, garment_tracker
+from capture.garment.silhouette import Window
+from capture.garment.tracker import BY_WAYS, LONGEST_TRUST, SilhouetteTracker, garment_tracker
 from firmware_host.synthetic.garments import GARMENTS
 from firmware_host.synthetic.scene import RIG
 from tests.capture.garment.flat_cloth import SQUARE, WHOLE, silhouette
 from tests.capture.garment.garment_scenes import hung
-from tests.capture.garment.test_tracker_by_hand import FLAT
+from tests.capture.garment.test_by_ways import THIRD, step
+from tests.capture.garment.test_tracker_by_hand import FLAT, NONE, PIXELS, PLACES, FixedBelief
+
+__all__ = ["step"]
 
 
 @pytest.fixture
@@ -93,3 +97,31 @@ def test_a_node_has_cloth_in_more_than_exactly_two_fifths_of_its_pixels(tracker,
     assert cell == 15
     assert np.isfinite(surface[0, 0, 2]) == is_known
     assert np.isfinite(surface[1, 1, 2])
+
+
+def test_a_belief_of_exactly_the_threshold_hides_no_corner(tracker, monkeypatch):
+    monkeypatch.setattr(tracker, "_ends_at_a_nearer_thing", lambda *given: False)
+    tracker._belief = FixedBelief(THRESHOLD, np.nextafter(THRESHOLD, 1.0), 0.0, 0.0)
+    assert tracker._hidden(None, (480, 640), PIXELS, PLACES, FLAT, NONE, 0.0).tolist() == [False, True, False, False]
+
+
+def test_the_last_window_is_trusted_for_exactly_its_time(tracker):
+    whole = Window(0, 0, 640, 480)
+    tracker._last = (0.0, Window(200, 100, 400, 300))
+    assert LONGEST_TRUST == 0.2
+    assert tracker._recent_window(whole, 1.6, 0.2) is not None
+    assert tracker._recent_window(whole, 1.6, float(np.nextafter(0.2, 1.0))) is None
+
+
+def test_a_corner_exactly_three_centimetres_from_the_held_edges_end_is_not_held(tracker):
+    held = np.zeros((2, 3))
+    tracker.held_corners = [0, 1, None, None]
+    places = np.zeros((4, 3))
+    places[:2, 0] = 0.03, np.nextafter(0.03, 0.0)
+    assert tracker._match_held(places, np.full((4, 3), 0.003), held).tolist() == [False, True, False, False]
+
+
+@pytest.mark.parametrize(("beyond", "is_placed"), [(BY_WAYS, False), (np.nextafter(BY_WAYS, 0.0), True)])
+def test_a_corner_exactly_at_the_farthest_from_the_seen_cloth_is_not_placed_there(step, beyond, is_placed):
+    assert step(0).valid.all()
+    assert step(1, dropped=THIRD, beyond=beyond).valid.all() == is_placed

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from capture.hanger import marker_following as module
-from capture.hanger.marker_following import COVERED_SD, LEAST_IN_VIEW, Keepsake, _follow_points, _likeness, follow
+from capture.hanger.marker_following import (
+    BLURRED_SD,
+    COVERED_SD,
+    LEAST_IN_VIEW,
+    SURE_MATCH,
+    Keepsake,
+    _blurred,
+    _follow_points,
+    _likeness,
+    follow,
+)
 from tests.capture.hanger.test_followed_points import (
     MARKER,
     ORIGIN,
@@ -102,3 +112,16 @@ def test_a_contrast_of_exactly_one_is_contrast():
     assert faint.std() == 1.0
     for window, picture in ((faint, strong), (strong, faint)):
         assert _likeness(window, picture, turn, STILL, STILL, hull) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("likeness", "sd"), [(SURE_MATCH, BLURRED_SD), (np.nextafter(SURE_MATCH, 0.0), COVERED_SD)])
+def test_a_match_of_exactly_the_sure_likeness_is_sure(likeness, sd, monkeypatch):
+    place = np.array([30.0, 20.0]) + kept_marker().origin - [64, 54]
+    monkeypatch.setattr(module, "_best_place", lambda window, picture: (likeness, place))
+    found = follow(picture_of(MARKER, (130, 120)), kept_marker(), QUAD.mean(0) + np.array([30, 20]), 60.0, STILL)
+    assert found.centre_sd == sd
+
+
+def test_a_motion_of_exactly_half_a_pixel_blurs():
+    assert _blurred(MARKER, np.array([0.5, 0.0])) is not MARKER
+    assert _blurred(MARKER, np.array([np.nextafter(0.5, 0.0), 0.0])) is MARKER

@@ -132,7 +132,8 @@ def test_a_marker_of_13_pixels_counts_among_those_seen():
 
 
 @pytest.mark.parametrize(
-    ("second", "times"), [((0.0, 0.0), 1), ((0.0, 21.0), 2), ((-50.0, 50.0), 2), ((50.0, -50.0), 2), ((3.0, 3.0), 1)]
+    ("second", "times"),
+    [((0.0, 0.0), 1), ((0.0, 20.0), 1), ((0.0, 21.0), 2), ((-50.0, 50.0), 2), ((50.0, -50.0), 2), ((3.0, 3.0), 1)],
 )
 @pytest.mark.parametrize("is_swapped", [False, True])
 def test_outlines_within_one_side_of_each_other_are_one_marker(second, times, is_swapped, monkeypatch):

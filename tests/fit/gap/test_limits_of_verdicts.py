@@ -8,21 +8,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fit.gap.closure import Resampling
-from fit.gap.evidence import Evidence
+from fit.gap.closure import BlockErrors, Resampling
+from fit.gap.evidence import NEAR, NEAR_TWIN, RIVAL, Evidence
 from fit.gap.findings import describe_effects
 from fit.gap.gates import convergence_gate
 from fit.gap.hypotheses import TWIN_COSINE, shortlist
 from fit.gap.posterior import REFITTED_WITHIN, Found, _wanted
 from fit.gap.power import imitated
 from fit.gap.probabilities import probabilities
+from fit.gap.screening import GROUP_COSINE, cosine, groups
 from fit.gap.verdict import CLEAR_WIN, decide
 from fit.gap.weighed import decide_by_mass
 from fit.methods import SI
 from formats.diagnosis_records import Gate
 from tests.fit.gap.test_evidence import flat_evidence
 from tests.fit.gap.test_findings import costing
-from tests.fit.gap.test_posterior_by_hand import FAR, mass_of
+from tests.fit.gap.test_posterior_by_hand import FAR, mass_of, search_of
 from tests.fit.gap.test_probabilities import HALVES, with_halves
 from tests.fit.gap.test_weighed import found_of
 from tests.fit.gap.verdict_scene import COARSE, KINDS, evidence_of, hypothesis, like, signature, with_edge
@@ -188,3 +189,75 @@ def test_of_two_effects_that_the_held_edge_identifies_the_nearer_one_is_present_
     evidence = dataclasses.replace(evidence, singles=singles)
     evidence.__dict__["identified_by_edge"] = frozenset(singles)
     assert probabilities(evidence, None) == pytest.approx({"clip_slack": 0.5, "time_offset": 0.5})
+
+
+def flat(names, mm2):
+    """A hypothesis with exactly this mean squared error in every half-second."""
+    errors = BlockErrors(np.full(12, 10.0 * mm2), np.full(12, 10.0), np.zeros(3))
+    return dataclasses.replace(hypothesis(names, 5.0), errors=errors)
+
+
+def twins_of(other_mm2, *, better=None):
+    """The twins of a lag beside drag, which alone leaves 100 mm^2 and with the lag 50, and their share of draws."""
+    several, other = flat(("air_drag", "filter_lag"), 50.0), flat(("air_drag", "time_offset"), other_mm2)
+    picks = np.repeat(np.arange(10)[:, None], 12, axis=1)
+    if better is not None:
+        sums = other.errors.sums.copy()
+        sums[:better], sums[better : 2 * better] = 400.0, 2 * sums[0] - 400.0
+        other = dataclasses.replace(other, errors=dataclasses.replace(other.errors, sums=sums))
+    evidence = dataclasses.replace(
+        evidence_of({}), singles={"air_drag": flat(("air_drag",), 100.0)}, instead=[other],
+        resampling=Resampling(picks, 1.0),
+    )  # fmt: skip
+    return evidence.alternatives(several)
+
+
+@pytest.mark.parametrize(("left", "is_twin"), [(55.0, True), (55.1, False)])
+def test_a_twin_that_closes_exactly_nine_tenths_is_one(left, is_twin):
+    """45 of the 50 mm^2 that the effect closes."""
+    assert NEAR_TWIN * 50.0 == 45.0
+    assert bool(twins_of(left)) == is_twin
+
+
+@pytest.mark.parametrize(("left", "better", "is_twin"), [(60.0, 1, True), (60.1, 1, False), (60.0, 0, False)])
+def test_a_twin_that_closes_exactly_four_fifths_is_one_where_a_tenth_of_the_draws_say_so(left, better, is_twin):
+    """Of ten draws of one half-second each, it leaves 40 mm^2 in one, and in the others more than the effect's 50."""
+    assert (NEAR * 50.0, RIVAL) == (40.0, 0.1)
+    assert bool(twins_of(left, better=better)) == is_twin
+
+
+def test_a_twin_that_leaves_as_much_in_every_draw_is_better_in_none(monkeypatch):
+    """It closes four fifths and a little more, by errors that the draws do not hold."""
+    several = flat(("air_drag", "filter_lag"), 50.0)
+    other = dataclasses.replace(several, effects=("air_drag", "time_offset"))
+    sums = np.append(several.errors.sums[:11], 700.0)
+    other = dataclasses.replace(other, errors=dataclasses.replace(other.errors, sums=sums))
+    evidence = dataclasses.replace(
+        evidence_of({}), singles={"air_drag": flat(("air_drag",), 60.0)}, instead=[other],
+        resampling=Resampling(np.zeros((10, 12), int), 1.0),
+    )  # fmt: skip
+    assert NEAR_TWIN * 10.0 > 60.0 - other.errors.squared_mm > NEAR * 10.0
+    assert evidence.alternatives(several) == {}
+
+
+@pytest.mark.parametrize(("squared", "is_worth_it"), [(30.0, False), (30.001, True)])
+def test_a_gap_of_exactly_a_fifth_more_than_the_noise_is_none(squared, is_worth_it):
+    """1.2 times 25 mm^2."""
+    evidence = flat_evidence({"air_drag": 5.0})
+    (worth,) = evidence.are_worth_naming(np.array([squared]), {"air_drag": np.array([25.0])}).values()
+    assert worth.tolist() == [is_worth_it]
+
+
+def test_effects_whose_cosine_is_exactly_that_of_a_group_are_no_group():
+    one, other = signature((1.0, 0.0)), signature((0.9, np.sqrt(1 - 0.9**2)))
+    assert cosine(one, other) == GROUP_COSINE == 0.9
+    screened = {"hem": one, "air_drag": other}
+    assert groups(screened)["hem"] != groups(screened)["air_drag"]
+    assert not dataclasses.replace(evidence_of({}), screened=screened).alike("hem", "air_drag")
+
+
+@pytest.mark.parametrize(("kept", "is_refuted"), [(1.0, False), (np.nextafter(1.0, 0.0), True)])
+def test_a_refit_that_keeps_exactly_a_quarter_of_its_promise_is_not_refuted(kept, is_refuted):
+    promising = SimpleNamespace(sizes=lambda subset: {"a": 4.0})
+    fitted = SimpleNamespace(cost=50.0, active=("a",), amplitudes=np.array([kept, 0.0, 0.0]))
+    assert search_of()._refutes(promising, fitted) == is_refuted

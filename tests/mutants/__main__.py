@@ -39,6 +39,7 @@ from tempfile import TemporaryFile
 
 from tests.mutants import kept
 from tests.mutants.changes import Functions, change_of, is_wording, named
+from tests.mutants.reach import forget_what_changed
 from tests.mutants.types import Change, refused
 
 ROOT = Path(__file__).parents[2]
@@ -285,18 +286,6 @@ def ended(area: str, program: str, code: int, words: str) -> MutmutError:
 def is_of(name: str, modules: list[str]) -> bool:
     """Whether a mutant, by its name, is of one of these modules."""
     return any(name.startswith(f"{module}.") for module in modules)
-
-
-def forget_what_changed(copy: Path, tests: list[str]) -> None:
-    """Discard mutmut's map from functions to tests where the tests have changed."""
-    files = sorted(path for name in tests for path in [copy / name, *(copy / name).rglob("*.py")] if path.is_file())
-    seen = sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
-    stamp = copy / "mutants/tests.sha256"
-    if stamp.exists() and stamp.read_text() == seen:
-        return
-    (copy / "mutants/mutmut-stats.json").unlink(missing_ok=True)
-    stamp.parent.mkdir(exist_ok=True)
-    stamp.write_text(seen)
 
 
 def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[[str, str], bool]) -> Tally:

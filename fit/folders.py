@@ -102,7 +102,7 @@ def _named(takes: Sequence[str]) -> str:
 
 def _made_otherwise(kept: FitResult | Diagnosis, new: FitResult | Diagnosis) -> str:
     """Return how a result of the same takes differs from a new one by its options, '' where it does not."""
-    if kept.held_out_ids != new.held_out_ids:
+    if sorted(kept.held_out_ids) != sorted(new.held_out_ids):
         return f"is judged on {_named(kept.held_out_ids) or 'no held-out take'}"
     if isinstance(kept, FitResult) and isinstance(new, FitResult):
         made = [(one.method, one.search, one.engine, one.seed, one.spacing, sorted(one.effects)) for one in (kept, new)]
@@ -115,13 +115,19 @@ def _made_otherwise(kept: FitResult | Diagnosis, new: FitResult | Diagnosis) -> 
         differing = ["another library of effects"] if library[0] != library[1] else []
         models = (one.base_parameters if isinstance(one, Diagnosis) else [] for one in (kept, new))
         ranges = [[(p.name, p.initial, p.minimum, p.maximum) for p in parameters] for parameters in models]
-    before, after = kept.options, new.options
-    if before.get(JUDGED_ON, after.get(JUDGED_ON)) != after.get(JUDGED_ON):  # none in results of older versions
+    before, after = map(_options_of, (kept, new))
+    if before.get(JUDGED_ON, after.get(JUDGED_ON)) != after.get(JUDGED_ON):
         return "is judged on another recording of the same name"
     differing += [f"another {name}" for name, value in after.items() if before.get(name, value) != value]
     if not differing and ranges[0] != ranges[1]:
         differing = ["other starts or ranges of its parameters"]
     return f"has {differing[0]}" if differing else ""
+
+
+def _options_of(result: FitResult | Diagnosis) -> dict[str, str | float]:
+    """Return a result's options, with the takes judged on in one order; older versions state the order given."""
+    judged = {key: " ".join(sorted(str(value).split())) for key, value in result.options.items() if key == JUDGED_ON}
+    return result.options | judged
 
 
 def _kept(files: Sequence[Path]) -> Path:

@@ -52,9 +52,9 @@ def warnings_in(notes: Sequence[str]) -> list[str]:
 def held_out_option(contents: Sequence[str]) -> dict[str, str]:
     """Return the content of the held-out takes among the options of a result, nothing without any.
 
-    contents: sha256 of each take's content
+    contents: sha256 of each take's content, in any order
     """
-    return {JUDGED_ON: " ".join(contents)} if contents else {}
+    return {JUDGED_ON: " ".join(sorted(contents))} if contents else {}
 
 
 class ErrorFigure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -23,10 +23,16 @@ class Ready:
     held_out_contents: list[str]
 
     def are_of(self, result: FitResult | Diagnosis) -> bool:
-        """Return whether a result is of these takes, by digests, or by names if an old result has no digests."""
+        """Return whether a result is of these takes in any order, by digests, or by names if it is old and has none."""
         if not result.take_contents:
-            return result.take_ids == [recording.take_id for recording in self.training]
-        return result.take_contents == self.contents
+            return sorted(result.take_ids) == sorted(recording.take_id for recording in self.training)
+        return sorted(result.take_contents) == sorted(self.contents)
+
+    @property
+    def judging_order(self) -> list[int]:
+        """Places of the held-out takes, by name and content: the order in which they were given does not matter."""
+        names = [recording.take_id for recording in self.held_out]
+        return sorted(range(len(names)), key=lambda n: (names[n], self.held_out_contents[n]))
 
 
 def ready(training: list[Take], held_out: list[Take]) -> Ready:

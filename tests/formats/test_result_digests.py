@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from formats.errors import ResultError
+from formats.result_digests import with_digest
 from formats.results import (
     load_diagnosis,
     load_fit_result,
@@ -124,3 +125,54 @@ def test_a_record_that_holds_an_older_digest_states_its_own(kept):
     held = msgspec.structs.replace(msgspec.json.decode(path.read_bytes(), type=type(record)), created="2031-01-01")
     path.write_bytes(result_bytes(held, path))
     assert load(path) == msgspec.structs.replace(record, created="2031-01-01")
+
+
+def rounded(value, form):
+    if isinstance(value, dict):
+        return {name: rounded(one, form) for name, one in value.items()}
+    if isinstance(value, list):
+        return [rounded(one, form) for one in value]
+    return float(format(value, form)) if isinstance(value, float) else value
+
+
+@pytest.mark.parametrize("digits", [5, 15, 16])
+def test_a_result_whose_numbers_a_program_has_rounded_is_told_so(kept, digits):
+    path, load, _, again = kept
+    whole = json.loads(path.read_text())
+    whole["notes"] = []
+    whole |= {"options": {f"number {k}": 1 / (k + 7) for k in range(30)}}
+    raw = with_digest(json.dumps(whole).encode())
+    path.write_bytes(raw)
+    load(path)
+    path.write_text(json.dumps(rounded(json.loads(raw), f".{digits}g")))
+    for read in (load, load_result):
+        with pytest.raises(ResultError) as refused:
+            read(path)
+        assert str(refused.value) == (
+            f"{path}: was changed after it was written: all its numbers have {digits} digits at most, as a program "
+            f"leaves them that rounds; read the file that Hangtime wrote, or {again}; or remove its field 'digest', "
+            "and it is read as it is"
+        )
+
+
+def test_a_result_of_which_one_number_was_changed_is_not_called_rounded(kept):
+    path, load, *_ = kept
+    whole = json.loads(path.read_text()) | {"options": {f"number {k}": 1 / (k + 7) for k in range(30)}}
+    path.write_bytes(
+        with_digest(json.dumps(whole).encode()).replace(b"0.1,", b"0.2,").replace(b"0.14285714285714285", b"0.15")
+    )
+    with pytest.raises(ResultError, match="its content has another digest than it states"):
+        load(path)
+
+
+@pytest.mark.parametrize("order", ["first", "last", "other text"])
+def test_a_result_is_read_by_its_format_wherever_it_stands(kept, order):
+    path, _, record, _ = kept
+    whole = json.loads(path.read_text())
+    if order == "last":
+        whole["format"] = whole.pop("format")
+    if order == "other text":
+        path.write_text(json.dumps(whole).replace('"format": "h', '"format": "\\u0068', 1))
+    else:
+        path.write_text("\ufeff" * (order == "last") + json.dumps(whole, indent=3))
+    assert load_result(path) == record

@@ -77,4 +77,4 @@ def read_marker_tracks(
         told = given.warning_of(float(box.max()))
         warning = "; ".join(filter(None, [told, tracks.warning]))
         return replace(tracks, warning=warning, overridden=tuple(given.overridden))
-    return tracks
+    return tracks if given is None else replace(tracks, has_unit=not given.is_alone)

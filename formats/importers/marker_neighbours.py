@@ -27,7 +27,7 @@ AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are
 
 def check_neighbours(
     positions: Floats, garment: Garment, held: tuple[int, int], path: Path, *, offers_anyway: bool = False,
-    overridden: Sequence[str] = (),
+    overridden: Sequence[str] = (), is_unit_stated: bool = True,
 ) -> None:  # fmt: skip
     """Refuse neighbours or corners farther apart than cloth can stretch, and neighbours that are all too near.
 
@@ -35,6 +35,7 @@ def check_neighbours(
     - `held`: indices of the markers on the two top corners
     - `offers_anyway`: whether the command has the options --unit and --anyway, which the error then names
     - `overridden`: symbols of the units that the file states and that --unit overrides
+    - `is_unit_stated`: whether the file states a unit
 
     Raises:
         TakeError: names the distance, and the unit or the exchange of markers that would explain it.
@@ -64,13 +65,13 @@ def check_neighbours(
                 f"{told}; are the names of {names} exchanged?", where=path, advice="check the names of the markers"
             )
         off = widths[far] if usual > MOST_STRETCHED else 1.0
-        step = step_of_unit(off, overridden) if offers_anyway else ""
+        step = step_of_unit(off, overridden, is_stated=is_unit_stated) if offers_anyway else ""
         raise TakeError(
             f"{told}{other_unit(off)}", where=path,
             advice=f"check the unit, the garment's size and the names of the markers{step}",
         )  # fmt: skip
     if usual < LEAST_WIDTH:
-        step = step_of_unit(usual, overridden) if offers_anyway else ""
+        step = step_of_unit(usual, overridden, is_stated=is_unit_stated) if offers_anyway else ""
         raise TakeError(
             f"neighbouring markers are {usual:.2g} of their distance on the flat garment apart in the "
             f"median{other_unit(usual)}",

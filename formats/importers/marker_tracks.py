@@ -40,6 +40,7 @@ class MarkerTracks:
     - `zeros`: how often each marker has three zero coordinates, read as not seen, (markers,); None if unknown
     - `expected`: names for which the file has only a computed trajectory, and no measured one
     - `overridden`: symbols of the units that the file states and that did not count
+    - `has_unit`: whether the file states a unit of lengths
     - `named_unit` [s]: unit that the times' column states in Hangtime's own CSV, None in other files
     """
 
@@ -54,6 +55,7 @@ class MarkerTracks:
     zeros: Integers | None = None
     named_unit: float | None = None
     overridden: tuple[str, ...] = ()
+    has_unit: bool = True
 
     def columns_named(self, name: str, subject: str = "") -> list[int]:
         """Return the indices of the markers with this name, of one subject or, by default, of any."""

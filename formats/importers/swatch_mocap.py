@@ -82,8 +82,9 @@ def import_marker_take(path: Path, garment: Garment, options: MarkerOptions | No
     left, right = _held_markers(garment, path)
     _check_held(positions, garment, (left, right), _zeros_of(tracks, garment, options), path)
     check_neighbours(
-        positions, garment, (left, right), path, offers_anyway=options.anyway is not None, overridden=tracks.overridden
-    )
+        positions, garment, (left, right), path, offers_anyway=options.anyway is not None,
+        overridden=tracks.overridden, is_unit_stated=tracks.has_unit,
+    )  # fmt: skip
     _check_up(positions, garment, (left, right), path, up)
     _check_origin(positions, garment, path)
     seen = np.asarray(np.isfinite(positions).all(2))

@@ -36,11 +36,13 @@ class GivenUnit:
     - `word`: the unit as it was given
     - `anyway`: whether it counts where the file states another unit; None: it does not, and no error offers --anyway
     - `overridden`: the units that the file stated and that did not count, by their symbols
+    - `is_alone`: whether the file states no known unit, so that this one counts by itself
     """
 
     word: str
     anyway: bool | None = None
     overridden: list[str] = field(default_factory=list)
+    is_alone: bool = False
 
     def warning_of(self, longest: float) -> str:
         """Return a warning of the units that did not count, '' without any.
@@ -73,6 +75,7 @@ def metres_of(stated: str, given: GivenUnit | str | None, where: object) -> floa
     if asked is not None and _short(asked.word) not in METRES:
         raise TakeError(f"there is no unit {asked.word!r}", where="--unit", advice=f"give one of {', '.join(METRES)}")
     if word not in METRES and asked is not None:
+        asked.is_alone = True
         return METRES[_short(asked.word)]
     if word not in METRES:
         told = f"the unit of its points is {stated.strip()[:LONGEST_UNIT]!r}" if word else "states no unit of length"
@@ -113,15 +116,18 @@ def other_unit(ratio: float) -> str:
     return f"; are these {USUAL[meant]} that were taken for {USUAL[taken]}?"
 
 
-def step_of_unit(ratio: float, overridden: Sequence[str] = ()) -> str:
+def step_of_unit(ratio: float, overridden: Sequence[str] = (), *, is_stated: bool = True) -> str:
     """Return the options with which the probable unit counts, '' where none fits.
 
     - `ratio`: as in `other_unit`
     - `overridden`: symbols of the units that the file states and that --unit overrides
+    - `is_stated`: whether the file states a unit, which --unit overrides only with --anyway
     """
     if (found := _taken_and_meant(ratio)) is None:
         return ""
-    return "; if so, leave out --unit" if found[1] in overridden else f"; if so, give --unit {found[1]} --anyway"
+    if found[1] in overridden:
+        return "; if so, leave out --unit"
+    return f"; if so, give --unit {found[1]}{' --anyway' * is_stated}"
 
 
 def _taken_and_meant(ratio: float) -> tuple[str, str] | None:

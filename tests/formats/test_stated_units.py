@@ -70,6 +70,25 @@ def test_a_unit_that_was_overridden_falsely_is_refused_with_the_simpler_step(tmp
     )
 
 
+@pytest.mark.parametrize("kind", ["c3d", "csv"])
+def test_a_wrong_given_unit_of_a_file_that_states_none_needs_no_anyway(tmp_path, kind):
+    """The advice is followed as it is printed."""
+    (tmp_path / "g.toml").write_text(dump_description(GARMENT))
+    tracks = replace(hanging(), positions=1e3 * hanging().positions)
+    if kind == "c3d":
+        (tmp_path / "m.c3d").write_bytes(c3d_bytes(tracks.positions, list(tracks.labels), units=()))
+    else:
+        path = write_marker_csv(tmp_path / "m.csv", tracks)
+        path.write_text(path.read_text().replace("_m,", ",").replace("_m\n", "\n"))
+    words = [word.replace("m.csv", f"m.{kind}") for word in IMPORT]
+    done = hangtime_here(*words, "--unit", "cm", folder=tmp_path)
+    assert done.returncode == 2
+    advice = done.stderr.rpartition("if so, give ")[2].split()
+    assert advice == ["--unit", "mm"]
+    done = hangtime_here(*words, *advice, folder=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_labels_are_listed_in_the_given_unit_with_anyway(desk):
     words = ("takes", "labels", "m.csv", "--unit", "mm")
     refused = hangtime_here(*words, folder=desk)

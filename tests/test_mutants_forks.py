@@ -134,6 +134,41 @@ def test_a_mutant_whose_tests_never_end_or_end_their_process_is_dead(checkout, f
     assert all(has_ended(pid) for pid in asleep)
 
 
+FIXTURES = """import time
+import pytest
+
+
+@pytest.fixture(scope="{scope}")
+def made():
+    time.sleep(2)
+
+
+def test_half(made):
+    from p.a import half
+    half(4)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scope", "least", "most"), [("module", 3.0, 8.0), ("session", 12.0, 20.0)])
+def test_only_what_several_files_share_gives_each_test_more_time(checkout, scope, least, most):
+    """Of 2 s for a fixture, five times these and 3.5 s; a mutant's test counts its processor time until it is ended."""
+    test, log = checkout / "tests/p/test_a.py", checkout.parent / "log"
+    (checkout / "tests/p/test_slow.py").write_text(FIXTURES.format(scope=scope))
+    odd = f"""    import time
+    told = 0.0
+    while "half" in os.environ.get("MUTANT_UNDER_TEST", ""):
+        if time.process_time() > told + 0.1:
+            told = time.process_time()
+            with Path({str(log.with_name("spent"))!r}).open("a") as spent:
+                print(told, file=spent)
+"""
+    test.write_text(test.read_text().replace("    assert half(4) == 2", f"{odd}    assert half(4) == 2"))
+    found = run(checkout, HALVES[:1])[1]
+    assert found == {HALVES[0]: forks.TIMEOUT}
+    assert least < float(log.with_name("spent").read_text().split()[-1]) < most
+
+
 @pytest.mark.slow
 def test_the_test_that_killed_a_functions_last_mutant_comes_first(checkout):
     test, log = checkout / "tests/p/test_a.py", checkout.parent / "log"

@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,6 +42,7 @@ LOOK = 0.25  # s between two looks at whether a process lives; our choice: a hun
 LEAST = 0.05  # s that any test takes, with its setup; our choice: else one of no time would outdo a hundred kills
 TURN = 2.0  # s of tests in a mutant's first turn; our choice: nine in ten of those that die do so in 0.3 s
 KILLED, INTERRUPTED, BROKEN, TIMEOUT = 1, 2, 3, 36  # mutmut's codes
+SHARED = "shared"  # beside the tests' names: the durations of what fixtures make for several files
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -226,11 +227,10 @@ class Forks:
                 child.until = now + max(child.limit - used, LOOK)
 
     def limit(self, child: Child) -> float:
-        """Return the limit [s] of a process's present test: shared fixtures are made by the first that needs them."""
+        """Return the limit [s] of a process's present test, which may be the first that needs a shared fixture."""
         item = child.items[child.at]
-        own = self.durations.get(item.nodeid, {}).get("call", 0.0) + self.beside.get(item.path, 0.0)
-        is_first = child.at < 2 or child.items[child.at - 1].path != item.path
-        return SPARE + SLOWER * (own + is_first * max(self.beside.values(), default=0.0))
+        shared = self.durations.get(SHARED, {}).get("setup", 0.0)
+        return SPARE + SLOWER * (self.call(item) + self.beside.get(item.path, 0.0) + shared)
 
     def close(self, pid: int, child: Child) -> None:
         """End a process with those that its tests have left, and write down its result."""
@@ -285,10 +285,19 @@ def spent() -> float:
 
 
 class Durations:
-    """Adds up how long each phase of each test takes."""
+    """Adds up how long each phase of each test takes, and what fixtures make for several files."""
 
     def __init__(self) -> None:
-        self.took: dict[str, dict[str, float]] = {}
+        self.took: dict[str, dict[str, float]] = {SHARED: {"setup": 0.0}}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[object]) -> Generator[None, object, object]:
+        begun = time.perf_counter()
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope in {"session", "package"}:
+                self.took[SHARED]["setup"] += time.perf_counter() - begun
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         self.took.setdefault(report.nodeid, {})[str(report.when)] = report.duration

@@ -105,7 +105,8 @@ def describe(summary: dict[str, Any]) -> str:
         *([f"missing   {s['missing']}"] if s["missing"] else []),
         f"created   {s['created']}",
         f"length    {s['duration_s']:g} s, {counted(s['frames'], 'frame')}"
-        + (f", {s['rate_hz']:g} a second" if s["rate_hz"] is not None else ""),
+        + (f", {s['rate_hz']:g} a second" if s["rate_hz"] is not None else "")
+        + " with points" * bool(s["rate_hz"] is not None and s["states"][STATE_NAMES[FrameState.HANGER_ALONE]]),
         f"rig       {s['rig']}",
         *_calibrated(s["calibration"]),
         f"garment   {s['garment']}, {1e3 * s['mass_kg']:.1f} g",
@@ -124,11 +125,13 @@ def describe(summary: dict[str, Any]) -> str:
         shares = [p["seen_percent"] for p in points]
         noises = [p["sd_mm"] for p in points if p["sd_mm"] is not None]
         noise = f"median noise {float(np.median(noises)):g} mm a coordinate" if noises else "never seen"
-        lines.append(f"points    {len(points)}, seen {min(shares):g} to {max(shares):g} %, {noise}")
+        least, most = f"{min(shares):g}", f"{max(shares):g}"
+        seen = most if least == most else f"{least} to {most}"
+        lines.append(f"points    {len(points)}, seen {seen} %, {noise}")
     if s["quality"] is not None:
         lines.append(f"quality   {s['quality']:g} in the median frame, 1 at best")
     if s["surface_scans"]:
-        lines.append(f"surface   scanned {s['surface_scans']} times")
+        lines.append(f"surface   scanned {counted(s['surface_scans'], 'time')}")
     for name, count in s["states"].items():
         if count:
             lines.append(f"state     {name} in {counted(count, 'frame')}")

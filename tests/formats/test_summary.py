@@ -138,8 +138,8 @@ def of_points(count, sd):
     ("count", "sd", "line"),
     [
         (12, 0.002, "point     p11            seen 100.0 %   noise 2 mm a coordinate"),
-        (13, 0.002, "points    13, seen 100 to 100 %, median noise 2 mm a coordinate"),
-        (13, None, "points    13, seen 0 to 0 %, never seen"),
+        (13, 0.002, "points    13, seen 100 %, median noise 2 mm a coordinate"),
+        (13, None, "points    13, seen 0 %, never seen"),
     ],
 )
 def test_more_than_twelve_points_are_reported_in_one_line_and_a_single_frame_has_no_rate(count, sd, line):

@@ -11,7 +11,8 @@ fitting room", section 2.
 
 A Harris corner of a ragged edge has an error of some pixels. Lines are fitted to the two sides next to the corner,
 and their crossing refines it. The top side's line is the held edge itself, known from the markers. The fitted lines run
-through the centres of the outermost pixels and are moved outwards by half a pixel to the rim of these pixels.
+through the centres of the outermost pixels. These lie within the garment by 0 to 1 pixel along a row or column. So a
+line with the unit normal (a, b) is moved outwards by the mean of their distances, max(|a|, |b|) / 2.
 """
 
 from __future__ import annotations
@@ -221,7 +222,7 @@ def _side_line(
     middle_x, middle_y = middle_x + x0, middle_y + y0
     if a * (middle_x - middle[0]) + b * (middle_y - middle[1]) < 0.0:
         a, b = -a, -b
-    line = np.array([a, b, -(a * middle_x + b * middle_y) - 0.5])
+    line = np.array([a, b, -(a * middle_x + b * middle_y) - 0.5 * max(abs(a), abs(b))])
     return line, math.hypot(2.0 * scatter / math.sqrt(np.count_nonzero(arm)), CURL_SD)
 
 

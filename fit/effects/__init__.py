@@ -78,6 +78,13 @@ def library_without(names: list[str]) -> tuple[Effect, ...]:
     return left
 
 
+# Words by which people may look for an effect, beside its name and title.
+SOUGHT_AS = {
+    "air_drag": "resistance", "draught": "wind breeze", "time_offset": "delay latency", "filter_lag": "smoothing",
+    "bending_hysteresis": "damping",
+}  # fmt: skip
+
+
 def find_effects(names: list[str], where: str | None = None) -> tuple[Effect, ...]:
     """Return the effects of these names; where: the option that names them, for errors.
 
@@ -87,6 +94,6 @@ def find_effects(names: list[str], where: str | None = None) -> tuple[Effect, ..
     known = {effect.name: effect for effect in LIBRARY}
     for name in names:
         if name not in known:
-            titles = {effect.name: effect.title for effect in LIBRARY}
+            titles = {effect.name: f"{effect.title} {SOUGHT_AS.get(effect.name, '')}" for effect in LIBRARY}
             raise unknown_name("effect", name, sorted(known), where=where, titles=titles)
     return tuple(known[name] for name in names)

@@ -86,6 +86,10 @@ FABRICS = {
 }  # fmt: skip
 
 
+# Words by which people may look for a fabric: of the table's four, the one whose composition or weave comes nearest.
+WORDS_FOR = {"silk": "satin chiffon", "denim": "jeans", "cotton": "calico", "polyester-rayon": "viscose jersey"}
+
+
 def find_fabric(name: str, where: str | None = None) -> Fabric:
     """Return the fabric of this name; where: the option that names it, for errors.
 
@@ -93,5 +97,6 @@ def find_fabric(name: str, where: str | None = None) -> Fabric:
         FitError: there is none.
     """
     if name not in FABRICS:
-        raise unknown_name("fabric", name, FABRICS, where=where)
+        titles = {one.name: f"{one.composition} {WORDS_FOR[one.name]}" for one in FABRICS.values()}
+        raise unknown_name("fabric", name, FABRICS, where=where, titles=titles)
     return FABRICS[name]

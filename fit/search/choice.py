@@ -95,7 +95,7 @@ def check_search(name: str) -> str:
         FitError: there is no such search.
     """
     if name not in SEARCHES:
-        raise unknown_name("search", name, SEARCHES, where="--search", listed="known searches")
+        raise unknown_name("search", name, SEARCHES, where="--search", listed="known searches", titles=SEARCHES)
     return name
 
 

@@ -275,3 +275,18 @@ def test_a_mutant_whose_second_turn_did_not_come_is_undecided(checkout):
     assert (found.undecided, found.killed, found.total) == (1, 0, 1)
     assert not program.show(AREA, found)
     assert run(checkout, HALVES[:1])[1] == {HALVES[0]: 1}
+
+
+@pytest.mark.slow
+def test_an_undecided_mutant_that_the_type_check_refuses_is_dead_and_a_listed_one_is_decided(checkout):
+    """`two` may be another number, and never None."""
+    typed = "def half(x: float) -> float:\n    two: float = 2.0\n    return x / two\n"
+    (checkout / "p/a.py").write_text(MODULE.replace("def half(x):\n    return x / 2\n", typed))
+    program.make_mutants(AREA, TESTS)
+    pattern = ["p.a.x_half__*"]
+    names = program.mutants_of(AREA, pattern, [])
+    kept.put(program.copy_of(AREA), AREA, dict.fromkeys(names, kept.UNDECIDED), [])
+    found = program.tally(AREA, pattern, [], lambda *_: False)
+    assert (found.refused, found.undecided, found.total) == (1, len(names) - 1, len(names))
+    found = program.tally(AREA, pattern, [], lambda *_: True)
+    assert (found.listed, found.refused, found.undecided, found.total) == (len(names), 0, 0, len(names))

@@ -63,9 +63,9 @@ class MutmutError(Exception):
 class Tally:
     """The results for one folder: the number of killed mutants, and the survivors' diffs by function.
 
-    - `refused`: mutants that only the type check noticed
+    - `refused`: mutants that only the type check noticed, before or after their second turn
     - `wording`: mutants of the wording of a text, which do not count
-    - `undecided`: mutants that passed the tests of their first turn
+    - `undecided`: other mutants that passed the tests of their first turn
     - `untested`: mutants without a result
     """
 
@@ -291,7 +291,7 @@ def is_of(name: str, modules: list[str]) -> bool:
 def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[[str, str], bool]) -> Tally:
     """Count the stored results of a folder's mutants whose names match."""
     copy, found = copy_of(area), Tally()
-    unnoticed: list[tuple[str, str, Change]] = []
+    unnoticed: list[tuple[str, str, bool, Change]] = []
     from mutmut.stats import status_by_exit_code
 
     for meta in kept.metas(copy, area):
@@ -309,17 +309,18 @@ def tally(area: str, patterns: list[str], untested: list[str], listed: Callable[
                 found.wording += 1
             elif code is None:
                 found.untested += 1
-            elif code == kept.UNDECIDED:
-                found.undecided += 1
             elif status_by_exit_code[code] in KILLED:
                 found.killed += 1
             elif listed(function, change := change_of(diff)):
                 found.listed += 1
             else:
-                unnoticed.append((function, change, Change(source, own, functions.source(name))))
+                text = Change(source, own, functions.source(name))
+                unnoticed.append((function, change, code == kept.UNDECIDED, text))
     are_refused = refused(copy, [one for *_, one in unnoticed])
+    left = [one for one, is_refused in zip(unnoticed, are_refused, strict=True) if not is_refused]
     found.refused = sum(are_refused)
-    found.alive = [(where, what) for (where, what, _), one in zip(unnoticed, are_refused, strict=True) if not one]
+    found.undecided = sum(is_undecided for _, _, is_undecided, _ in left)
+    found.alive = [(where, what) for where, what, is_undecided, _ in left if not is_undecided]
     return found
 
 

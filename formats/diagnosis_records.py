@@ -100,6 +100,9 @@ def tells_size(effect: EffectFinding, named: Sequence[str]) -> bool:
     return not low <= 0 <= high
 
 
+LIKELY = 0.5  # probability of a cause that the verdict calls probable and the report weighs; our choice: as a wager
+
+
 def in_percent(probability: float) -> str:
     """Return a probability in words of percent, never 0 or 100 %: draws and masses are not that sure."""
     if probability <= 0.005:

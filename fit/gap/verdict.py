@@ -27,7 +27,7 @@ from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
 from fit.observer.residuals import Observer
 from formats import figures
-from formats.diagnosis_records import Figure, in_percent, place_of
+from formats.diagnosis_records import LIKELY, Figure, in_percent, place_of
 from formats.plain_text import counted, joined
 
 # Probability of any wrong rejection among the refitted effects (Bonferroni); our choice: as is usual.
@@ -36,9 +36,8 @@ CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every othe
 # Of the gap: lower end of the closure's interval where no effect passes alone; our choice: surely most of it.
 SURELY_CLOSED = 0.5
 MOSTLY_MESH = 0.5  # of an unexplained gap; our choice: if mesh and solver make most of it, it is `numerics`
-# Probabilities of a sentence with `probably`, and of a plain one, at least. Our choice: likelier than not, and wrong in
-# at most one of five.
-LIKELY, SURE = 0.5, 0.8
+# Probability of a plain sentence, at least; one with `probably` needs LIKELY. Our choice: wrong in one of five at most.
+SURE = 0.8
 
 
 def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from formats.diagnosis_records import Diagnosis
-from formats.fit_records import BOUND_NOTE, FitError, FitParameter
+from formats.fit_records import BOUND_NOTE, FitError, FitParameter, FitResult
 
 FREE_PARAMETERS = (
     "Not identified: {names}. Read the 90 % interval{of_each}. Many values in it follow the takes equally well, and "
@@ -19,11 +19,11 @@ FREE_PARAMETERS = (
 LOOKS_FOR_ONE = "hangtime diagnose looks for one"
 STOPPED_AT_BOUND = (
     f"{BOUND_NOTE} {{names}}. Its range stopped the fit there, so the value says more of the range than of the cloth. "
-    f"--bounds only narrows the range. A missing effect may drive it there: {LOOKS_FOR_ONE}."
+    f"--bounds only narrows the range. A missing effect may drive it there: {{cause}}."
 )
 STOPPED_AT_BOUNDS = (  # where they are several
     f"{BOUND_NOTE} {{names}}. Their ranges stopped the fit there, so the values say more of the ranges than of the "
-    f"cloth. --bounds only narrows a range. A missing effect may drive them there: {LOOKS_FOR_ONE}."
+    f"cloth. --bounds only narrows a range. A missing effect may drive them there: {{cause}}."
 )
 NEVER_MOVED = (
     "Warning: {search} found no candidate better than its start, so every value is the start's. Give more "
@@ -44,10 +44,13 @@ LOOK_FOR_PHYSICS = "`hangtime diagnose` looks for missing physics"
 MORE_TAKES = "fit to takes of this kind of motion as well"
 
 
-def note_on_start(error: FitError, search: str) -> str:
-    """Return a warning if a fit's error exceeds that of its initial parameters, on fitted or else on held-out takes."""
+def note_on_start(error: FitError, search: str, physics: str = LOOK_FOR_PHYSICS) -> str:
+    """Return a warning if a fit's error exceeds that of its initial parameters, on fitted or else on held-out takes.
+
+    physics: what is known of missing physics, or how to look for it
+    """
     before, after, takes = error.train_before, error.train_after, "the takes it was fitted to"
-    advice = "use --search least-squares" if search == "short-windows" else LOOK_FOR_PHYSICS
+    advice = "use --search least-squares" if search == "short-windows" else physics
     if after.mean_m <= before.mean_m:
         if error.held_out_before is None or error.held_out_after is None:
             return ""
@@ -60,19 +63,33 @@ def note_on_start(error: FitError, search: str) -> str:
     )
 
 
-def notes_beside(notes: Sequence[str], diagnosis: Diagnosis) -> list[str]:
-    """Return a fit's notes where a diagnosis of its takes is known: its finding replaces the advice to diagnose."""
-    names = (" or " if diagnosis.verdict == "ambiguous" else " and ").join(diagnosis.named).replace("_", " ")
-    found = f"the diagnosis beside this fit {f'names {names}' if names else 'names none'}"
-    return [note.replace(LOOKS_FOR_ONE, found).replace(LOOK_FOR_PHYSICS, found) for note in notes]
+def notes_beside(fit: FitResult, diagnosis: Diagnosis) -> list[str]:
+    """Return a fit's notes where a diagnosis of its takes is known: its finding replaces the advice to diagnose.
+
+    The notes with this advice are worded again from the fit's parameters and errors. Notes that an older version worded
+    otherwise stay as they are.
+    """
+    found = f"the diagnosis beside this fit names {named_in_words(diagnosis, diagnosis.named) or 'none'}"
+    advised = [*notes_on_values(fit.parameters), note_on_start(fit.error, fit.search)]
+    told = [*notes_on_values(fit.parameters, found), note_on_start(fit.error, fit.search, found)]
+    instead = dict(zip(advised, told, strict=True))
+    return [instead.get(note, note) for note in fit.notes]
 
 
-def notes_on_values(described: Sequence[FitParameter]) -> list[str]:
-    """Return what a result says of the parameters that the takes do not identify, and of those at their bounds."""
+def named_in_words(diagnosis: Diagnosis, among: Sequence[str]) -> str:
+    """Return some of the effects that a diagnosis names, in words: joined by `or` where it cannot tell them apart."""
+    return (" or " if diagnosis.verdict == "ambiguous" else " and ").join(name.replace("_", " ") for name in among)
+
+
+def notes_on_values(described: Sequence[FitParameter], cause: str = LOOKS_FOR_ONE) -> list[str]:
+    """Return what a result says of the parameters that the takes do not identify, and of those at their bounds.
+
+    cause: what is known of the effect that may drive them to a bound, or how to look for it
+    """
     notes = []
     if free := [p.name for p in described if not (p.is_identified or p.is_at_bound)]:
         notes.append(FREE_PARAMETERS.format(names=", ".join(free), of_each=" of each" if len(free) > 1 else ""))
     if stopped := [p.name for p in described if p.is_at_bound]:
         said = STOPPED_AT_BOUNDS if len(stopped) > 1 else STOPPED_AT_BOUND
-        notes.append(said.format(names=", ".join(stopped)))
+        notes.append(said.format(names=", ".join(stopped), cause=cause))
     return notes

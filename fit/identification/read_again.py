@@ -20,7 +20,7 @@ from fit.effects import LIBRARY
 from fit.errors import FitError
 from fit.folders import NAMED_BESIDE, refuse_unfinished
 from fit.identification.combinations import COMBINATIONS
-from fit.identification.notes_on_values import notes_beside
+from fit.identification.notes_on_values import named_in_words, notes_beside
 from fit.methods import METHODS
 from formats.diagnosis_records import Diagnosis
 from formats.errors import HangtimeError, ResultError
@@ -157,12 +157,12 @@ def _with_diagnosis(result: FitResult, path: Path) -> FitResult:
     lacking = [name for name in diagnosis.named if name not in fitted]
     of_same = result.take_contents and sorted(result.take_contents) == sorted(diagnosis.take_contents)
     if of_same:
-        result = msgspec.structs.replace(result, notes=notes_beside(result.notes, diagnosis))
+        result = msgspec.structs.replace(result, notes=notes_beside(result, diagnosis))
     if not of_same or not lacking or (is_any and len(lacking) < len(diagnosis.named)):
         return result
-    names = (" or " if is_any else " and ").join(name.replace("_", " ") for name in lacking)
     note = (
-        f"{NAMED_BESIDE}names {names}, which this fit leaves out. Fitted values may make up for that. Fit "
+        f"{NAMED_BESIDE}names {named_in_words(diagnosis, lacking)}, which this fit leaves out. "
+        "Fitted values may make up for that. Fit "
         f"again with --effect {lacking[0] if is_any else ' --effect '.join(lacking)}."
     )
     return msgspec.structs.replace(result, notes=[*result.notes, note])

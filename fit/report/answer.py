@@ -10,7 +10,7 @@ from fit.report.effects import meaning_of
 from fit.report.motion import ReportMotion, rms_of
 from fit.report.templating import piece
 from fit.report.text import interval, millimetres, number, percent, tenths, tenths_interval, unbroken, unit_words
-from formats.diagnosis_records import Diagnosis, in_percent
+from formats.diagnosis_records import LIKELY, Diagnosis, in_percent
 from formats.fit_records import FitResult
 
 VERDICT_TONES = {"none": "good", "effect": "good", "ambiguous": "warn", "several": "good", "unknown": "warn"}
@@ -28,7 +28,6 @@ OF_SQUARES = "of squared error above the noise"
 # A fit's error beside a diagnosis is shown where it is off the base model's by more than this share of it. Our
 # choice: closer figures say one thing twice, as the diagnosis fits the base model again.
 FIT_APART = 0.05
-LIKELIER = 0.5  # probability of an effect that the section on the missing force sets beside the force
 RMS = "root mean square"  # the figure of the report and the diagnosis; tables of a fit have mean distances
 
 
@@ -58,7 +57,7 @@ def named(diagnosis: Diagnosis) -> str:
 
 def candidates_of(diagnosis: Diagnosis) -> list[str]:
     """Return the effects that a diagnosis names, or else those that it finds likelier than not."""
-    return diagnosis.named or [e.id for e in diagnosis.effects if (e.probability or 0.0) >= LIKELIER]
+    return diagnosis.named or [e.id for e in diagnosis.effects if (e.probability or 0.0) >= LIKELY]
 
 
 def run_names(fit: FitResult | None, diagnosis: Diagnosis | None) -> dict[str, str]:

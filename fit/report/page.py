@@ -81,7 +81,7 @@ def _page(
 ) -> str:  # fmt: skip
     packed, shown, note = played
     if fit is not None and diagnosis is not None:
-        fit = msgspec.structs.replace(fit, notes=notes_beside(fit.notes, diagnosis))
+        fit = msgspec.structs.replace(fit, notes=notes_beside(fit, diagnosis))
     outline = next((motion.outline for motion in motions if motion.outline is not None), None)
     parts = {
         "gap": sections.gap(diagnosis),

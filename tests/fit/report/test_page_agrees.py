@@ -11,7 +11,13 @@ import pytest
 from fit.api.said import next_step
 from fit.api.shown import OWN_BASE_FIT, diagnosis_tables
 from fit.api.tables import as_text
-from fit.identification.notes_on_values import STOPPED_AT_BOUND, notes_beside
+from fit.identification.notes_on_values import (
+    LOOKS_FOR_ONE,
+    STOPPED_AT_BOUND,
+    note_on_start,
+    notes_beside,
+    notes_on_values,
+)
 from fit.identification.read_again import read_fit
 from fit.recordings.ready import ready
 from fit.report import sections, terms
@@ -25,7 +31,15 @@ from tests.fit.report.report_scene import diagnosis, fit_result
 from tests.fit.scenes import hung, sheet, swing, take_of
 from tests.fit.test_command_line import a_swung_take
 
-AT_BOUND = STOPPED_AT_BOUND.format(names="shear_stiffness")
+AT_BOUND = STOPPED_AT_BOUND.format(names="bend", cause=LOOKS_FOR_ONE)
+
+
+def stopped(fit, name="bend"):
+    """A fit one of whose parameters is at its bound, as its notes say."""
+    ended = [
+        msgspec.structs.replace(p, is_identified=p.name != name, is_at_bound=p.name == name) for p in fit.parameters
+    ]
+    return msgspec.structs.replace(fit, parameters=ended, notes=["Another note.", *notes_on_values(ended)])
 
 
 def test_only_the_frames_of_a_fit_are_dotted_and_neither_its_worst_point_nor_its_mean():
@@ -62,24 +76,40 @@ def test_an_unnamed_effect_that_is_likelier_than_not_is_a_candidate():
     ],
 )
 def test_notes_say_what_the_diagnosis_beside_a_fit_found(changes, said):
-    (note,) = notes_beside([AT_BOUND], diagnosis(**changes))
+    fit = stopped(fit_result())
+    assert fit.notes == ["Another note.", AT_BOUND]
+    other, note = notes_beside(fit, diagnosis(**changes))
+    assert other == "Another note."
     assert note.endswith(f"A missing effect may drive it there: {said}")
     assert AT_BOUND.endswith("hangtime diagnose looks for one.")
 
 
+def test_a_warning_of_a_fit_worse_than_its_start_says_what_the_diagnosis_found():
+    fit = fit_result()
+    error = msgspec.structs.replace(fit.error, train_after=fit.error.train_before, train_before=fit.error.train_after)
+    worse = note_on_start(error, fit.search)
+    assert worse.endswith("`hangtime diagnose` looks for missing physics.")
+    fit = msgspec.structs.replace(fit, error=error, notes=[worse, f"Somebody wrote: {LOOKS_FOR_ONE}."])
+    told, own = notes_beside(fit, diagnosis())
+    assert told.endswith("tell little of the cloth; the diagnosis beside this fit names air drag.")
+    assert own == fit.notes[1]  # only what the fit itself worded is worded again
+
+
 def test_a_page_of_both_and_a_fabric_do_not_send_the_reader_to_the_diagnosis(tmp_path):
-    fit = msgspec.structs.replace(fit_result(), notes=[AT_BOUND])
+    fit = stopped(fit_result())
     assert "looks for one" in render_report(fit=fit, diagnosis=None)
     page = render_report(fit=fit, diagnosis=diagnosis())
     assert "looks for one" not in page
     assert "the diagnosis beside this fit names air drag" in page
-    known = msgspec.structs.replace(a_fit(), notes=[AT_BOUND], take_contents=["beef"])
+    known = msgspec.structs.replace(stopped(a_fit(), "shear_stiffness"), take_contents=["beef"])
     save_fit_result(tmp_path / "fit.json", known)
     found = diagnosis(take_ids=known.take_ids, take_contents=known.take_contents)
     save_diagnosis(tmp_path / "diagnosis.json", found)
     told = read_fit(tmp_path)[0].notes
-    assert AT_BOUND.replace("hangtime diagnose looks for one", "the diagnosis beside this fit names air drag") in told
-    assert AT_BOUND not in told
+    assert (
+        STOPPED_AT_BOUND.format(names="shear_stiffness", cause="the diagnosis beside this fit names air drag") in told
+    )
+    assert not [note for note in told if LOOKS_FOR_ONE in note]
 
 
 def test_a_folder_of_a_diagnosis_alone_is_said_to_be_one_where_a_fabric_is_asked_for(tmp_path):

@@ -9,6 +9,11 @@ markers have exchanged labels if each position `z_j` is near another path's pred
 marker's positions from their lines, so labels may be exchanged in one frame of seven. Markers that cross each other go
 on along their own lines, so honest positions fulfil the first rule for no permutation.
 
+Behind a gap, all markers are far from their predictions, and among many some are near another one's by chance. So
+`q_j` and `LEAST_LEAP` grow with the gap, as constant acceleration leads away from a line. Where frames are lost that
+the times do not show, all leap. So each of these markers is also `PATH_UNUSUAL` times as far from its own predictions
+as the median of the others.
+
 Behind an exchange, the paths go on under the other labels until the next one. The name that a label's path has in most
 frames counts as right. Positions under another name count as not seen.
 
@@ -101,7 +106,8 @@ def _changes(time: Floats, positions: Floats, seen: Integers) -> list[_Change]:
         begin, label = max(int(at) - LED_OVER, 0), changes[-1].label
         paths = _paths(positions, seen, changes, begin, int(at))
         with np.errstate(over="ignore", invalid="ignore"):
-            after = _exchanged(positions[at, seen[label]], _predicted(time[begin : at + 1], paths), least[label])
+            predicted, further = _predicted(time[begin : at + 1], paths)
+            after = _exchanged(positions[at, seen[label]], predicted, least[label] * further)
         if after is not None:
             changes.append(_Change(int(at), label[after]))
     return changes
@@ -133,8 +139,11 @@ def _paths(positions: Floats, seen: Integers, changes: list[_Change], begin: int
     return np.concatenate(parts[::-1])
 
 
-def _predicted(time: Floats, paths: Floats) -> Floats:
+def _predicted(time: Floats, paths: Floats) -> tuple[Floats, Floats]:
     """Return where a straight line leads from each path's last two positions, and the last one, (2, paths, 3).
+
+    A second array, (paths,), states how many times farther from the line than usual cloth may be. Constant acceleration
+    leads `t (t + d) / 2` times as far, `t` [usual steps] behind the last position and `d` from the one before to it.
 
     `time` [s], (frames + 1,): of the frames of `paths`, (frames, paths, 3), and of the prediction
     """
@@ -143,9 +152,12 @@ def _predicted(time: Floats, paths: Floats) -> Floats:
     last = count - 1 - are_seen[::-1].argmax(0)
     are_seen[last, which] = False
     earlier = count - 1 - are_seen[::-1].argmax(0)
-    pace = (time[-1] - time[last]) / np.where(last > earlier, time[last] - time[earlier], np.inf)
-    places = paths[last, which]
-    return np.stack([places + np.nan_to_num(places - paths[earlier, which]) * pace[:, None], places])
+    step = np.median(np.diff(time))
+    ahead, before = (time[-1] - time[last]) / step, (time[last] - time[earlier]) / step
+    is_led, places = last > earlier, paths[last, which]
+    pace = np.where(is_led, ahead / np.where(is_led, before, 1.0), 0.0)
+    further = np.where(is_led, np.maximum(ahead * (ahead + before) / 2, 1.0), 1.0)
+    return np.stack([places + np.nan_to_num(places - paths[earlier, which]) * pace[:, None], places]), further
 
 
 def _exchanged(here: Floats, predicted: Floats, least: Floats) -> Integers | None:
@@ -164,6 +176,9 @@ def _exchanged(here: Floats, predicted: Floats, least: Floats) -> Integers | Non
         fits, were = PATH_LEAP * apart.min(1) < own[leaping], -1
         while fits.sum() != were:  # each label has one path, and each path one label
             were = fits.sum()
+            others = np.delete(own, leaping[fits])
+            if np.isfinite(others).any():
+                fits &= own[leaping] > PATH_UNUSUAL * np.nanmedian(others)
             fits &= fits[nearest]
             fits &= np.bincount(nearest[fits], minlength=len(fits)) == 1
         if fits.any():

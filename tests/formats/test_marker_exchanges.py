@@ -139,6 +139,48 @@ def test_swinging_cloth_shows_no_exchange(far, hertz, rate, pitch):
     assert told(cloth(rate, far, hertz, pitch, markers=7), rate) == ""
 
 
+def folding(rate, rng):
+    """A skirt's 36 markers 10 mm apart [m] that swing, fold and turn; their times [s], and the noise is 2 mm."""
+    time, row, column = np.arange(FRAMES)[:, None] / rate, np.arange(36) // 6, np.arange(36) % 6
+    swing = rng.uniform(0.1, 0.6) * np.sin(2 * np.pi * rng.uniform(0.5, 3) * time - row / 4)
+    wide = 0.01 * (column - 2.5)
+    deep = swing + 0.05 * np.sin(2.1 * column + 5 * time * rng.uniform(0.5, 3))
+    turn = rng.choice([0, 3]) * np.sin(4 * time) * (0.3 + row / 6)
+    places = [wide * np.cos(turn) - deep * np.sin(turn), wide * np.sin(turn) + deep * np.cos(turn)]
+    places.append(1.5 - 0.01 * row + 0.3 * swing**2)
+    return np.stack(places, 2) + rng.normal(0, 2e-3, (FRAMES, 36, 3)), time[:, 0]
+
+
+def told_at(time, places):
+    return remove_exchanged(time, places, [f"m{k}" for k in range(places.shape[1])], lambda k: f"frame {k + 1}")
+
+
+@pytest.mark.parametrize("rate", [9.0, 30.0, 100.0])
+@pytest.mark.parametrize("are_shown", [True, False])
+def test_folding_cloth_with_lost_frames_shows_no_exchange(rate, are_shown):
+    """Stretches of 3 to 24 frames are lost; the times show them, or go on as if none were."""
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        places, time = folding(rate, rng)
+        lost = [np.arange(at, at + rng.integers(3, 25)) for at in rng.integers(5, FRAMES - 30, 4)]
+        places, times = (np.delete(one, np.concatenate(lost), axis=0) for one in (places, time))
+        assert told_at(times if are_shown else time[: len(times)], places) == ""
+
+
+@pytest.mark.parametrize("rate", [9.0, 30.0, 100.0])
+def test_folding_cloth_of_which_three_sightings_of_ten_lack_shows_no_exchange(rate):
+    """Half of the takes are interpolated to more frames, so that most of these lie on straight lines."""
+    rng = np.random.default_rng(7)
+    for k in range(20):
+        places, time = folding(rate, rng)
+        if k % 2:
+            more = np.arange(0, time[-1], 0.4 / rate)
+            flat = places.reshape(FRAMES, -1).T
+            places, time = np.stack([np.interp(more, time, one) for one in flat], 1).reshape(len(more), -1, 3), more
+        places[rng.random(places.shape[:2]) < 0.3] = np.nan
+        assert told_at(time, places) == ""
+
+
 def test_two_markers_that_meet_rest_and_part_are_not_named():
     """They touch nearer than a marker's diameter."""
     time = np.arange(FRAMES) / 100

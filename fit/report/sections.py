@@ -36,8 +36,9 @@ from formats.plain_text import counted, joined
 
 OWN_FIT = (
     "The diagnosis fits its base model anew, by a search and on a mesh of its own. So these values may differ from "
-    "those above. So may the parameters at their bounds. Its intervals cover the takes' noise and the ends of its own "
-    "starts that are as good. They do not cover what the fit above found."
+    "those above. So may the parameters at their bounds. Refitted effects give it another start, so another library "
+    "of effects may end it elsewhere. Its intervals cover the takes' noise and the ends of its own starts that are as "
+    "good. They do not cover what the fit above found."
 )
 # The base fit minimises the residual, so what an effect shares with damping and stiffness is gone from the pull.
 BESIDE_CANDIDATES = (

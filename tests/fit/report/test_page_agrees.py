@@ -162,3 +162,10 @@ def test_after_a_fit_of_takes_without_motion_no_diagnosis_is_proposed():
     assert said.startswith(
         "`hangtime diagnose` would name no effect from these takes. The hanger's smoothed path spans 0 "
     )
+
+
+def test_a_page_says_beside_the_base_models_values_that_another_library_may_give_others():
+    page = render_report(fit=fit_result(), diagnosis=diagnosis())
+    _, _, below = page.partition("Base model of the diagnosis")
+    lead, _, _ = below.partition("</table>")
+    assert "so another library of effects may end it elsewhere." in lead

@@ -32,10 +32,11 @@ Sources: Y. Escoufier, Biometrics 29 (1973) (RV); W. Kabsch, Acta Crystallograph
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.sparse import csr_array
 from scipy.special import ndtr
@@ -63,6 +64,9 @@ MOST_EMPTY = 10  # times the frames: a take with longer clock jumps is not compa
 MOST_SLOWER = 20.0  # times the other take's interval: a copy with one frame in ten at twice the speed
 MOST_STEPS = 3000  # steps used in the fit at most: more cost time and add little
 LEAST_PRODUCT = 1e-12  # of the largest product; our choice: parts of 1e-6 of the motion are rounding
+POINT_SETS_KEPT = (
+    4  # sets of points of a take; our choice: bounds memory, and takes of a garment mostly show the same points
+)
 LAGS = 3  # lags that are tried, as swings are similar one period apart
 # s between frames, below which motion hardly affects sixth differences. At 25 frames a second, flutter of 3 cm at 4 Hz
 # measures as 1.2 mm of noise.
@@ -82,6 +86,14 @@ class _Smoothed:
 
     positions: Floats
     seen: Booleans
+    spectra: dict[int, NDArray[np.complex128]] = field(default_factory=dict)  # of accelerations, the last one by length
+
+    def spectrum(self, length: int) -> NDArray[np.complex128]:
+        """Return the spectrum of the accelerations over so many steps, (length // 2 + 1, points, 3)."""
+        if length not in self.spectra:
+            self.spectra.clear()
+            self.spectra[length] = rfft(self.accelerations, length, axis=0)
+        return self.spectra[length]
 
     @cached_property
     def moved(self) -> Booleans:
@@ -89,6 +101,25 @@ class _Smoothed:
         first = self.positions[np.argmax(self.seen, 0), np.arange(self.seen.shape[1])]
         away = np.linalg.norm(self.positions - first, axis=2)
         return np.asarray((self.seen & (away > AT_REST)).any(1))
+
+    @cached_property
+    def accelerations(self) -> Floats:
+        """Second differences of positions, (steps, points, 3), 0 where not seen, with clipped jumps."""
+        positions, seen = self.positions, self.seen
+        known = np.zeros_like(seen)
+        known[1:-1] = seen[:-2] & seen[1:-1] & seen[2:]
+        second = np.zeros_like(positions)
+        second[1:-1] = np.diff(positions, 2, axis=0)
+        size = np.linalg.norm(second, axis=2)
+        most = np.quantile(size[known], 0.95) if known.any() else 0.0
+        second *= (known * np.minimum(1.0, most / np.maximum(size, 1e-12)))[..., None]
+        return second
+
+    @cached_property
+    def sums(self) -> Floats:
+        """Sums of u u^T over the steps before each, of the accelerations u, (steps + 1, 3, 3)."""
+        sums = np.cumsum(self.accelerations.transpose(0, 2, 1) @ self.accelerations, axis=0)
+        return np.concatenate([np.zeros((1, 3, 3)), sums])
 
 
 class Motion:
@@ -107,6 +138,7 @@ class Motion:
         self._noise: dict[tuple[int, float], float] = {}
         self._smoothed: dict[tuple[int, float], tuple[Floats, Booleans]] = {}
         self._near: dict[float, _Near] = {}
+        self._of_points: dict[tuple[bytes, float], _Smoothed] = {}
 
     @property
     def can_be_compared(self) -> bool:
@@ -119,8 +151,14 @@ class Motion:
 
     def smoothed(self, points: Integers, tau: float) -> _Smoothed:
         """Return the positions of points, (n,), smoothed over tau [s] and sampled every tau / 2."""
-        each = [self._smoothed_point(int(point), tau) for point in points]
-        return _Smoothed(np.stack([positions for positions, _ in each], 1), np.stack([seen for _, seen in each], 1))
+        key = points.tobytes(), tau
+        if key not in self._of_points:
+            each = [self._smoothed_point(int(point), tau) for point in points]
+            positions, seen = (np.stack(one, 1) for one in zip(*each, strict=True))
+            while len(self._of_points) >= POINT_SETS_KEPT:
+                del self._of_points[next(iter(self._of_points))]
+            self._of_points[key] = _Smoothed(positions, seen)
+        return self._of_points[key]
 
     def _noise_of(self, point: int, tau: float) -> float:
         if (point, tau) not in self._noise:
@@ -222,13 +260,13 @@ def noise_left(one: Motion, other: Motion, points: Integers) -> float:
 
 def _lags(x: _Smoothed, y: _Smoothed, fewest: float) -> list[int]:
     """Return the most probable lags of the second take's clock [steps], with at least `fewest` common steps."""
-    u, v = _accelerations(x), _accelerations(y)
+    u, v = x.accelerations, y.accelerations
     length = next_fast_len(len(u) + len(v))
-    spectra = rfft(u, length, axis=0).conj().transpose(0, 2, 1) @ rfft(v, length, axis=0)
+    spectra = x.spectrum(length).conj().transpose(0, 2, 1) @ y.spectrum(length)
     lags = np.arange(1 - len(u), len(v))
     both = irfft(spectra, length, axis=0)[lags % length]
     begin, end = np.maximum(0, -lags), np.minimum(len(u), len(v) - lags)
-    own = _norm(_sums(u, begin, end)) * _norm(_sums(v, begin + lags, end + lags))
+    own = _norm(x.sums[end] - x.sums[begin]) * _norm(y.sums[end + lags] - y.sums[begin + lags])
     # Sums of rounding errors do not count as motion.
     known = (end - begin >= fewest) & (own > 1e-9 * own.max(initial=0.0))
     likeness = np.where(known, _norm(both) ** 2 / np.where(known, own, 1.0), 0.0)
@@ -238,26 +276,6 @@ def _lags(x: _Smoothed, y: _Smoothed, fewest: float) -> list[int]:
         found.append(int(lags[best]))
         likeness[max(best - TAPS, 0) : best + TAPS + 1] = 0.0
     return found
-
-
-def _accelerations(smoothed: _Smoothed) -> Floats:
-    """Return second differences of positions, (steps, points, 3), 0 where not seen, with clipped jumps."""
-    positions, seen = smoothed.positions, smoothed.seen
-    known = np.zeros_like(seen)
-    known[1:-1] = seen[:-2] & seen[1:-1] & seen[2:]
-    second = np.zeros_like(positions)
-    second[1:-1] = np.diff(positions, 2, axis=0)
-    size = np.linalg.norm(second, axis=2)
-    most = np.quantile(size[known], 0.95) if known.any() else 0.0
-    second *= (known * np.minimum(1.0, most / np.maximum(size, 1e-12)))[..., None]
-    return second
-
-
-def _sums(vectors: Floats, begin: Integers, end: Integers) -> Floats:
-    """Return the sums of u u^T over ranges of steps, (lags, 3, 3), of vectors u, (steps, points, 3)."""
-    sums = np.cumsum(vectors.transpose(0, 2, 1) @ vectors, axis=0)
-    sums = np.concatenate([np.zeros((1, 3, 3)), sums])
-    return np.asarray(sums[end] - sums[begin])
 
 
 def _norm(matrices: Floats) -> Floats:

@@ -125,14 +125,19 @@ def test_shares_of_an_error_of_a_micrometre_add_up_to_one():
     assert sum(b.share for b in found.term) == pytest.approx(1.0)
 
 
-def test_a_range_that_ends_above_narrows_what_comes_after_it():
+@pytest.mark.parametrize(
+    ("low", "high", "mean", "covariance"),
+    [
+        ((-1.0, 0.0), (0.5, np.inf), (-0.2, 0.4), ((0.5, 0.5), (0.5, 1.0))),
+        ((0.5, 0.5), (np.inf, np.inf), (0.0, 0.0), ((1.0, 0.9), (0.9, 1.0))),
+    ],
+)  # fmt: skip
+def test_a_range_narrows_what_comes_after_it(low, high, mean, covariance):
     """Shares of 400,000 draws; the second of two correlated sizes is weighed after the first one's range has cut it."""
-    low, high = np.array([-1.0, 0.0]), np.array([0.5, np.inf])
-    mean, covariance = np.array([-0.2, 0.4]), np.array([[0.5, 0.5], [0.5, 1.0]])
     drawn = np.random.default_rng(3).multivariate_normal(mean, covariance, 400_000)
     expected = np.mean(((drawn >= low) & (drawn <= high)).all(1))
-    got = float(np.exp(log_share(mean[None], covariance[None], low, high)[0]))
-    assert got == pytest.approx(expected, rel=0.01)
+    given = np.array([mean]), np.array(covariance)[None], np.array(low), np.array(high)
+    assert float(np.exp(log_share(*given)[0])) == pytest.approx(expected, rel=0.01)
 
 
 def test_nearly_equal_effects_far_beyond_their_range_have_a_share():

@@ -11,7 +11,7 @@ import pytest
 from fit.errors import FitError
 from fit.gap import base_fit, gates
 from fit.gap.checkpoint import Checkpoint
-from fit.gap.fitting import Fitted, Problem, fit
+from fit.gap.fitting import Fitted, Pinned, Problem, fit
 from fit.gap.hypotheses import _starts_of_refit
 from fit.gap.likelihood import Likelihood
 from fit.gap.numerics import refine
@@ -222,3 +222,28 @@ def test_secants_of_an_effect_with_a_least_size_begin_there_and_not_at_its_first
     observer = LinearObserver(np.zeros(NUMBERS), np.zeros((NUMBERS, 5)), {probed.name: row}, effects=(probed,))
     main, _ = secants_of(observer, observer.fitted(), (probed.name,))[probed.name]
     assert main.rows[0] == pytest.approx(row, rel=1e-3)
+
+
+def test_a_kept_fit_without_one_of_its_parts_is_made_again(tmp_path):
+    kept = Checkpoint(tmp_path / "p", {})
+    one = Fitted(np.ones(1), np.zeros(1), (), np.ones(2), np.ones((2, 1)), np.ones(1), True)
+    kept.recall(["fit"], lambda: [one])
+    np.savez(tmp_path / "p" / "fit.npz", vector=np.ones(1), pinned=np.zeros(0))
+    assert kept.recall(["fit"], lambda: [one])[0] is one
+
+
+def test_a_candidate_near_one_start_is_no_other_however_far_the_first_one_is():
+    world = Pulled()
+    space = Problem(world).space
+    units = np.array([np.full(5, 0.3), np.full(5, 0.7), np.full(5, 0.72)])
+    found = space.to_unit(np.array(base_fit._lying_apart(world, space.from_unit(units))))
+    assert found == pytest.approx(units[:2], abs=1e-9)
+
+
+def test_a_size_that_nothing_decided_has_the_deviation_of_its_fit():
+    world = LinearTakes(5)
+    world.missed = world.noisy() - world.rows["hem"][0]
+    known = Pinned(world.off, np.full(len(world.off), np.inf), 2.0)
+    (found,) = fit(world, [base_fit.Task(SI.initial, world.off, ("hem",), iterations=2, pinned=known)])
+    assert found.deviation.dtype == float
+    assert np.isfinite(found.deviation).all()

@@ -88,13 +88,13 @@ def test_a_key_of_more_than_a_mebibyte_is_compared_too(tmp_path):
         Checkpoint(tmp_path / "p", {"takes": ["b" * 2**21]})
 
 
-def test_a_fit_ends_where_a_step_saves_two_thousandths_of_its_cost(monkeypatch):
+def test_a_fit_ends_where_a_step_saves_two_thousandths_or_goes_a_thousandth(monkeypatch):
     given, settings = [], least_squares.LeastSquaresSettings
     monkeypatch.setattr("fit.gap.fitting.LeastSquaresSettings", lambda **made: given.append(made) or settings(**made))
     world = LinearTakes(5)
     world.missed = world.noisy()
     fit(world, [_task(world, SI.initial)])
-    assert {made["cost_tolerance"] for made in given} == {2e-3}
+    assert {(made["cost_tolerance"], made["step_tolerance"]) for made in given} == {(2e-3, 1e-3)}
 
 
 @pytest.mark.parametrize("step", [-3.0, 3.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -49,12 +50,16 @@ def check(given, after=-math.inf):
     check_columns(given, points=POINTS, take_id="a", first=70, after=after)
 
 
+LEAST = sys.float_info.min
+
+
 def more(value):
     return math.nextafter(value, math.inf)
 
 
 def less(value):
-    return math.nextafter(value, -math.inf)
+    """The next number below; below 0 the next normal one, as Taichi lets the processor take subnormal ones for 0."""
+    return math.nextafter(value, -math.inf) if value else -LEAST
 
 
 NAN, FAR = math.nan, FARTHEST_PLACE
@@ -71,7 +76,7 @@ BOUNDS = [
         (name, ok, bad, f"{name} has a standard deviation of {bad:g}; give 0, or {SMALLEST_SD:g} to {LARGEST_SD:g}")
         for name in ("points_sd", "held_sd", "pitch_sd")
         for ok, bad in (
-            (0.0, -5e-324), (SMALLEST_SD, less(SMALLEST_SD)), (LARGEST_SD, more(LARGEST_SD)), (math.inf, 5e-324),
+            (0.0, -LEAST), (SMALLEST_SD, less(SMALLEST_SD)), (LARGEST_SD, more(LARGEST_SD)), (math.inf, LEAST),
             (NAN, -math.inf),
         )
     ),

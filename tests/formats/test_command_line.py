@@ -199,7 +199,7 @@ def test_a_take_of_one_frame_and_one_whose_points_were_never_seen_are_shown():
     assert "length    0 s, 1 frame\n" in describe(summarise(take))
     summary = summarise(take)
     summary["points"] = [summary["points"][0] | {"sd_mm": None, "seen_percent": 0.0}] * 13
-    assert "points    13, seen 0 to 0 %, never seen" in describe(summary)
+    assert "points    13, seen 0 %, never seen" in describe(summary)
 
 
 def test_import_of_something_else_is_refused(tmp_path):

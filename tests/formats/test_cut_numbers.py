@@ -194,12 +194,20 @@ def test_another_section_of_vicon_ends_the_frames(tmp_path, title):
 
 
 @pytest.mark.parametrize(("time", "place"), [("0.01", "1,002"), ("0,01", "1.002")])
+def test_the_other_sign_in_whole_numbers_beside_times_separates_thousands(tmp_path, time, place):
+    """998 and 999 mm in the same lines show that 1,002 is no number below 2."""
+    rows = [f"{k}\t{time}{k:02d}\t998\t{place}\t5\t999\t998\t1\n" for k in range(30)]
+    found = read(tmp_path, TRC + "".join(rows), None, "a.trc")
+    assert found.positions[:, 0] == pytest.approx(np.tile([0.998, 1.002, 0.005], (30, 1)), abs=1e-12)
+
+
+@pytest.mark.parametrize(("time", "place"), [("0.01", "1,002"), ("0,01", "1.002")])
 def test_points_and_commas_in_one_line_are_refused(tmp_path, time, place):
-    """One of them parts thousands: the position is 1002."""
+    """No whole number below 1000 shows which of them is the decimal separator."""
     with pytest.raises(
         TakeError, match=r"line 6 holds '.*,.*' beside '.*\..*': which of them is the decimal separator\?"
     ):
-        read(tmp_path, TRC + f"1\t{time}\t998\t{place}\t5\t999\t998\t1\n" * 30, None, "a.trc")
+        read(tmp_path, TRC + (f"1\t{time}" + f"\t{place}" * 6 + "\n") * 30, None, "a.trc")
 
 
 def test_whole_numbers_beside_empty_cells_need_no_decimal_sign(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import msgspec
 import numpy as np
@@ -67,14 +68,15 @@ def with_capsule(length):
 
 
 SENSOR, HANGER = of_part("sensor"), of_part("hanger")
+LEAST = sys.float_info.min  # Taichi lets the processor take smaller numbers for 0
 MARKERS = DICTIONARIES[RIG.hanger.dictionary]
 WIDTH, HEIGHT = float(RIG.sensor.width), float(RIG.sensor.height)
 APART = RIG.hanger.marker_distance_m
 # a description at its bound, one beyond it, and the field that its error begins with
 RIGS = [
     *((of_size(name, 1), of_size(name, 0), f"sensor.{name} must be above 0 and") for name in ("width", "height")),
-    *((SENSOR(name, 5e-324), SENSOR(name, 0.0), f"sensor.{name} must be above 0 and") for name in ("fx", "fy")),
-    *((SENSOR(name, 5e-324), SENSOR(name, 0.0), f"sensor.{name} must lie in the picture") for name in ("cx", "cy")),
+    *((SENSOR(name, LEAST), SENSOR(name, 0.0), f"sensor.{name} must be above 0 and") for name in ("fx", "fy")),
+    *((SENSOR(name, LEAST), SENSOR(name, 0.0), f"sensor.{name} must lie in the picture") for name in ("cx", "cy")),
     *((SENSOR(name, less(MOST_PIXELS)), SENSOR(name, float(MOST_PIXELS)), f"sensor.{name}") for name in ("fx", "fy")),
     *((SENSOR(name, MOST_PIXELS - 1), SENSOR(name, MOST_PIXELS), f"sensor.{name}") for name in ("width", "height")),
     (SENSOR("cx", less(WIDTH)), SENSOR("cx", WIDTH), "sensor.cx must lie in the picture, between 0 and 640"),
@@ -83,7 +85,7 @@ RIGS = [
     (HANGER("ids", (0, 1)), HANGER("ids", (-1, 1)), "hanger.ids: "),
     (HANGER("ids", (7, 8)), HANGER("ids", (7, 7)), "hanger.ids must differ (both are 7)"),
     (HANGER("marker_size_m", less(APART)), HANGER("marker_size_m", APART), "hanger.marker_distance_m"),
-    (HANGER("marker_size_m", 5e-324), HANGER("marker_size_m", 0.0), "hanger.marker_size_m must be above 0"),
+    (HANGER("marker_size_m", LEAST), HANGER("marker_size_m", 0.0), "hanger.marker_size_m must be above 0"),
     *(
         (HANGER("held_m", ((0.0, 0.1, 0.0), (x, 0.1, 0.0))), HANGER("held_m", ((0.0, 0.1, 0.0), (y, 0.1, 0.0))),
          "hanger.held_m: the two ends")
@@ -101,7 +103,7 @@ RIGS = [
         for way in ((1, 0), (-1, 0), (0, 1), (0, -1))
     ),
     *(
-        (of_calibration(name, 0.0), of_calibration(name, -5e-324), f"calibration.{name} is a standard deviation")
+        (of_calibration(name, 0.0), of_calibration(name, -LEAST), f"calibration.{name} is a standard deviation")
         for name in ("depth_scale_sd", "gravity_sd_degrees")
     ),
     (of_calibration("gravity_sd_degrees", LARGEST_FIELD), of_calibration("gravity_sd_degrees", more(LARGEST_FIELD)),
@@ -142,7 +144,7 @@ def long_name(letters):
 
 
 GARMENTS = [
-    (replace(GARMENT, mass_kg=5e-324), replace(GARMENT, mass_kg=0.0), "mass_kg must be above 0 and below 50 (got 0)"),
+    (replace(GARMENT, mass_kg=LEAST), replace(GARMENT, mass_kg=0.0), "mass_kg must be above 0 and below 50 (got 0)"),
     (replace(GARMENT, mass_kg=less(HEAVIEST_GARMENT)), replace(GARMENT, mass_kg=HEAVIEST_GARMENT),
      "mass_kg must be above 0 and below 50 (got 50); were grams meant, mass_kg = 0.05?"),
     (replace(GARMENT, layers=1), replace(GARMENT, layers=0), "layers must be 1 or more (got 0)"),

@@ -100,6 +100,22 @@ def test_two_pairs_that_overlap_are_told_apart():
     np.testing.assert_array_equal(places, expected)
 
 
+@pytest.mark.parametrize("rate", [30.0, 60.0, 100.0])
+def test_noise_hides_no_end_of_an_exchange_whose_other_end_shows(rate):
+    """The noise is 3 mm. With the other end alone, the honest positions beside it would count as not seen."""
+    rng, found = np.random.default_rng(0), list[str]()
+    for seed in range(30):
+        frames, first = np.arange(*rng.integers([20, 260], [240, 290])), int(rng.choice([0, 1, 6, 12, 18]))
+        places = with_exchanged(cloth(rate, noise=3e-3, seed=seed), frames, first, first + 1)
+        expected = without(places, frames, first, first + 1)
+        before = places.copy()
+        found.append(told(places, rate))
+        if len(frames) > FRAMES / 2:
+            expected = without(before, np.delete(np.arange(FRAMES), frames), first, first + 1)
+        np.testing.assert_array_equal(places, expected if found[-1] else before)
+    assert found.count("") <= 3
+
+
 @pytest.mark.parametrize("gap", [1, 3, 5])
 def test_labels_exchanged_behind_a_short_gap_are_named(gap):
     places = with_exchanged(cloth(), np.arange(130, 150), 7, 18)

@@ -24,6 +24,8 @@ from formats.sights import spread
 LEAST_WIDTH = 0.6  # of the flat distances, in the median over neighbours: folds shorten some, a wrong unit all
 AS_NEAR = 1.1  # times the distance of the nearest marker: markers within it are neighbours
 
+MOST_EXCHANGED = 0.5  # of a garment's markers; our choice: labels are exchanged among few, and noise moves all
+
 
 def check_neighbours(
     positions: Floats, garment: Garment, held: tuple[int, int], path: Path, *, offers_anyway: bool = False,
@@ -99,9 +101,12 @@ def warning_of_far_markers(time: Floats, positions: Floats, garment: Garment) ->
     often = [k for k in np.argsort(-far.sum(0), kind="stable").tolist() if far[:, k].any()]
     names = first_few([repr(garment.points[k].name) for k in often])
     begin, end = (time[looked_at[k]] - time[0] for k in np.flatnonzero(far.any(1))[[0, -1]])
-    count = counted(len(frames), "frame")
+    count = counted(round(len(frames) * float(far.any(1).mean())), "frame")
+    count = count if len(looked_at) == len(frames) else f"about {count}"
     when = f"in {count}, at {begin:.2f} s" if begin == end else f"in {count}, from {begin:.2f} to {end:.2f} s"
     cause = "are their labels exchanged there?" if len(often) > 1 else "is another marker labelled so there?"
+    if len(often) > MOST_EXCHANGED * len(flat):
+        cause = "is their noise of several mm, or the garment larger than described?"
     return f"{names} {BEYOND_REACH if len(often) > 1 else BEYOND_REACH.replace('are', 'is', 1)} {when}; {cause}"
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from formats.errors import TakeError
 from formats.garment import TrackedPoint
+from formats.importers.marker_neighbours import warning_of_far_markers
 from formats.importers.marker_tracks import write_marker_csv
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
 from tests.formats.test_marker_oddities import GARMENT, hanging
@@ -163,3 +164,27 @@ def test_cloth_that_stretches_a_little_or_folds_is_not_named(tmp_path, stretch):
         return places
 
     assert doubts_of(tmp_path, change) == ""
+
+
+def small_grid(frames):
+    """A swatch of 6 x 6 markers 20 mm apart, its still positions [m] and their times [s]."""
+    k = np.arange(36)
+    at = 0.02 * np.stack([k % 6, -(k // 6)], 1)
+    points = tuple(TrackedPoint(name=f"m{one}", at_m=tuple(at[one].tolist())) for one in k)
+    places = np.tile(np.stack([at[:, 0], 0 * k, at[:, 1]], 1), (frames, 1, 1))
+    return msgspec.structs.replace(GARMENT, points=points), places, np.arange(frames) / 100
+
+
+def test_noise_of_several_mm_is_called_no_exchange():
+    garment, places, time = small_grid(300)
+    told = warning_of_far_markers(time, places + np.random.default_rng(0).normal(0, 4e-3, places.shape), garment)
+    assert told.endswith("; is their noise of several mm, or the garment larger than described?")
+
+
+@pytest.mark.parametrize(("frames", "count"), [(600, "in 10 frames"), (2000, "in about 10 frames")])
+def test_only_frames_beyond_the_noise_are_counted(frames, count):
+    """A marker lies 1 mm beyond the reach in all frames, which its noise may do, and 20 mm in ten of them."""
+    garment, places, time = small_grid(frames)
+    places[:, 35, 0] += 0.25 * 0.02 + 5e-3 + 1e-3
+    places[50:60, 35, 0] += 0.02
+    assert f"{count}, " in warning_of_far_markers(time, places, garment)

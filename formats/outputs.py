@@ -24,6 +24,10 @@ from formats.whole_files import (
     write_whole,
 )
 
+# How an output is written and its endings, the usual one first: arguments of `check_ending` and `check_place`.
+AS_PICTURE = ("pictures are written as PNG", ".png")
+AS_PAGE = ("pages are written as HTML", ".html", ".htm")
+
 NAMED_PARTIAL = (".mcap", ".oni")  # written as NAME.partial; others are written as `name_of_its_own`
 
 
@@ -39,6 +43,18 @@ def check_name(path: Path) -> None:
         raise not_utf8(path) from error
 
 
+def check_ending(path: Path, kind: str, *endings: str) -> None:
+    """Check the ending of an output file; programs go by it.
+
+    The arguments are those of `check_place`.
+
+    Raises:
+        OutputError: the file has another ending.
+    """
+    if endings and path.suffix.lower() not in endings:
+        raise OutputError(kind, where=path, advice=f"give a name that ends in {endings[0]}")
+
+
 def check_place(path: Path, kind: str = "", *endings: str) -> None:
     """Check the ending of an output file and that its folder exists, before the work begins.
 
@@ -48,8 +64,7 @@ def check_place(path: Path, kind: str = "", *endings: str) -> None:
     Raises:
         OutputError: the file has another ending, or its folder does not exist.
     """
-    if endings and path.suffix.lower() not in endings:
-        raise OutputError(kind, where=path, advice=f"give a name that ends in {endings[0]}")
+    check_ending(path, kind, *endings)
     try:
         os.stat(f"{path.parent}/.")  # a file has no such name
     except OSError as error:

@@ -97,7 +97,7 @@ def show_takes(
     Exit code 2: at least one take cannot be read. The others are shown.
     """
     from formats.errors import OutputError, TakeError
-    from formats.outputs import check_place, refuse_an_input, refuse_to_replace
+    from formats.outputs import AS_PICTURE, check_place, refuse_an_input, refuse_to_replace
     from formats.plain_text import plain
     from formats.take_picture import draw_png
 
@@ -108,7 +108,7 @@ def show_takes(
         if len(paths) > 1:
             raise OutputError("draws one take", where=option, advice=f"give one take, or leave out {option}")
         refuse_an_input(plot, paths)
-        check_place(plot, "pictures are written as PNG", ".png")
+        check_place(plot, *AS_PICTURE)
         refuse_to_replace(plot, overwrite=overwrite)
     is_alone, all_read = len(paths) == 1, True
     for path in paths:

@@ -291,6 +291,7 @@ def test_a_careless_call_is_refused_with_what_to_do(takes, call, sentence):
     ("call", "sentence"),
     [
         (lambda fit, take: hangtime.report(fit, None), "^path: is None; give the path of a file"),
+        (lambda fit, take: hangtime.report(fit, take.parent / "r.pdf"), r"pdf: pages are written as HTML; give a name"),
         (lambda fit, take: hangtime.report(fit, take / "r.html"), r"swing\.mcap: cannot be made"),
         (lambda fit, take: fit.save(None), "^path: is None; give the path of a file"),
         (lambda fit, take: fit.save(take / "fit.json"), r"swing\.mcap: cannot be used"),

@@ -41,7 +41,7 @@ from fit.api.watched import (
 from fit.errors import FitError, unknown_name
 from formats.archive import read_take
 from formats.fit_records import FitResult
-from formats.outputs import make_parent, output_folder, refuse_to_replace
+from formats.outputs import AS_PAGE, check_ending, make_parent, output_folder, refuse_to_replace
 from formats.take import Take
 
 if TYPE_CHECKING:
@@ -263,7 +263,7 @@ def report(
 
     Raises:
         FitError: the outcome was loaded from a file and holds no takes, or the fit beside it is of other takes.
-        OutputError: the report cannot be written.
+        OutputError: the report cannot be written, or its name does not end in .html.
     """
     from fit.report.gather import write_diagnosis_report, write_fit_report
     from fit.report.kept import place_beside
@@ -283,6 +283,7 @@ def report(
             advice="`hangtime report DIR` writes the report of a folder of results anew at once; or fit or diagnose "
             "the takes again",
         )  # fmt: skip
+    check_ending(path, *AS_PAGE)
     for written in (path, place_beside(path)):
         refuse_to_replace(written, overwrite=overwrite)
     make_parent(path)

@@ -292,10 +292,11 @@ def report_command(
     """Write scored answers as one HTML file: rates, confusion, calibration, baselines, every case."""
     from fit.blind.making import read_manifest
     from fit.blind.page import check_page_name, write_page
-    from formats.outputs import refuse_to_replace
+    from formats.outputs import AS_PAGE, check_ending, refuse_to_replace
 
     read_manifest(folder)
     check_page_name(out, (folder, answers))
+    check_ending(out, *AS_PAGE)
     refuse_to_replace(out, overwrite=overwrite)
     page = write_page(answers, out)
     tell(f"Report: {plain(page)}", report=str(page))

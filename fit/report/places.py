@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fit.folders import PARTIAL
 from formats.errors import OutputError
-from formats.outputs import check_place, refuse_an_input, refuse_to_replace
+from formats.outputs import AS_PICTURE, check_ending, check_place, refuse_an_input, refuse_to_replace
 from formats.unfinished import ANOTHER_NAME
 
 # Files of a results folder, which no picture may replace.
@@ -29,8 +29,8 @@ def may_draw(
 
     Raises:
         ModuleNotFoundError: Pillow is not installed.
-        OutputError: a file exists and is not to be overwritten, the command reads or writes it itself, or its folder
-            does not exist. That of the results is made later.
+        OutputError: the name has another ending than a PNG, a file exists and is not to be overwritten, the command
+            reads or writes it itself, or its folder does not exist. That of the results is made later.
     """
     import PIL  # noqa: F401
 
@@ -40,6 +40,7 @@ def may_draw(
         raise OutputError("is a file of the results, and no picture", where=picture, advice=ANOTHER_NAME)
     if where in map(os.path.realpath, others):
         raise OutputError("is named by two options", where=picture, advice="give each file a name of its own")
+    check_ending(picture, *AS_PICTURE)
     refuse_to_replace(picture, overwrite=overwrite)
     if folder is None or os.path.realpath(picture.parent) != os.path.realpath(folder):
         check_place(picture)

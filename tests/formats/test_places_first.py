@@ -20,9 +20,18 @@ from tests.formats.unprivileged import hangtime_unprivileged
 NO_FILES = "(No such file or directory); choose another folder: this one takes no files"
 ABSENT = "gone/x{}: cannot be written (No such file or directory); make its folder first"
 PNG = "pictures are written as PNG; give a name that ends in .png"
+PAGE = "pages are written as HTML; give a name that ends in .html"
 DOORS = [
     ("takes show damaged.mcap --plot x.jpg", f"x.jpg: {PNG}"),
     ("takes show damaged.mcap --plot x", f"x: {PNG}"),
+    ("fit damaged.mcap --out results --plot x.svg", f"x.svg: {PNG}"),
+    ("fit damaged.mcap --out results --plot results/x.pdf", f"results/x.pdf: {PNG}"),
+    ("diagnose damaged.mcap --out results --plot x.jpg", f"x.jpg: {PNG}"),
+    ("diagnose damaged.mcap --out results --arrows x --overwrite", f"x: {PNG}"),
+    ("report none --plot none/x.svg", f"none/x.svg: {PNG}"),
+    ("report none --out x.pdf", f"x.pdf: {PAGE}"),
+    ("report none --out damaged.mcap --overwrite", f"damaged.mcap: {PAGE}"),
+    ("compare none none --out x.png", f"x.png: {PAGE}"),
     ("takes show damaged.mcap --plot gone/x.png", ABSENT.format(".png")),
     ("takes show damaged.mcap --plot damaged.mcap/x.png", "cannot be written (Not a directory)"),
     ("takes export damaged.mcap --to parquet --out x.csv", "x.csv: one table of all takes is written as Parquet; give"),

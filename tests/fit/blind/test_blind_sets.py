@@ -310,6 +310,9 @@ def test_the_command_line_makes_scores_and_reports(tmp_path):
     real = hangtime("make", "other", "--real", ".", "--cases", 1, "--noise", 0.001)
     assert real.returncode == 2
     assert "real takes are not simulated; leave out" in real.stderr
+    ended = hangtime("report", "set", "answers", "--out", "blind.pdf")
+    assert (ended.returncode, (tmp_path / "blind.pdf").exists()) == (2, False)
+    assert "blind.pdf: pages are written as HTML; give a name that ends in .html" in ended.stderr
     reported = hangtime("report", "set", "answers", "--out", "blind.html")
     assert reported.returncode == 0, reported.stderr
     assert (tmp_path / "blind.html").exists()

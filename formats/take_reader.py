@@ -27,6 +27,7 @@ MIXED = "two takes share a header in this file, or one has lost its own, and the
 IMPOSSIBLE_SPANS = "its header states impossible missing times"
 MOST_TAKES = 50  # read from one file: more than a person would join
 COPY = "copy it again from where it was recorded"
+ONI_START = b"NI10"  # first bytes of a sensor recording (.oni), as OpenNI2 writes it
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
 
@@ -238,6 +239,11 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
         return TakeError(
             f"is compressed with {names}, which is not read", where=path,
             advice="compress it with zstd, or not at all",
+        )  # fmt: skip
+    if raw.startswith(ONI_START):
+        return TakeError(
+            "is a sensor recording, and no take", where=path,
+            advice="give it to `hangtime record --sensor`, which writes a take",
         )  # fmt: skip
     profile = profile_of(raw)
     if profile is not None and not _is_ours(profile):

@@ -116,12 +116,16 @@ def split_by_motion(takes: list[Take], kinds: Collection[str]) -> tuple[list[Tak
     with naming_damage(takes):
         for kind in kinds:
             if kind not in by_take:
-                raise FitError(f"no take moves {kind!r}", where=None, advice=f"the takes move like this: {there}")
+                raise FitError(
+                    f"no take moves {kind!r}",
+                    where=None,
+                    advice=f"hold out another kind, or add a take of this one; the takes move like this: {there}",
+                )
         if kinds and set(by_take) <= set(kinds):
             raise FitError(
                 "every take is held out and none is left to fit to",
                 where=None,
-                advice=f"the takes move like this: {there}",
+                advice=f"add a take of another kind; the takes move like this: {there}",
             )
     both = list(zip(takes, by_take, strict=True))
     return [t for t, kind in both if kind not in kinds], [t for t, kind in both if kind in kinds]

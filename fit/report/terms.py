@@ -15,19 +15,18 @@ OF_A_DIAGNOSIS = {
     "more means that less is left than the noise was estimated to be. An effect that merely fits noise closes nothing.",
     "Probability": "How the library's effects rank as causes of this gap. It is no test, and considers no cause "
     "outside the library. Without a held-out take it does not allow for the choice among the effects, so it flatters.",
-    "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
+    "Size": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
     "maybe not there. It reaches zero where the judged takes do not confirm that the effect lowers the error.",
     "p-value": "How often data without the effect would look this much like it, times the number of effects that were "
     "tried. These are the refitted ones, or without a held-out take all of them.",
-    "Smallest that would show": "The weakest amplitude that this recording could have revealed. An effect that was not "
+    "Smallest that would show": "The smallest size that this recording could have revealed. An effect that was not "
     "found may still be there below this. Without a figure, the recording could not have shown the effect.",
 }
 # In place of those above, where evidence decided: no p-value is computed, and the judged takes change no interval.
 BY_EVIDENCE = {
     "Probability": "The mass of the sets of effects that hold the effect, weighed on the takes fitted to. All sets "
     "and an unknown cause are 100 % together.",
-    "Amplitude": "How strong the effect has to be, in its own unit. An interval that includes zero means: "
-    "maybe not there.",
+    "Size": "How strong the effect has to be, in its own unit. An interval that includes zero means: maybe not there.",
 }
 NO_P_VALUE = "p-value"  # the term that `BY_EVIDENCE` leaves out
 OF_PARAMETERS = {

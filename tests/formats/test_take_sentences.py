@@ -37,6 +37,8 @@ LZ4 = chunk_of(b"x", compression=b"lz4")
     [
         (b"", "a: is empty; give a take archive"),
         (b"hello", f"a: is not a take archive; {GIVE}"),
+        (b"NI10" + bytes(99), "a: is a sensor recording, and no take; give it to `hangtime record --sensor`, which "
+         "writes a take"),
         (b"x" * 4083 + b"hangtime-take",
          "a: holds no readable header; the file is not a take archive, or too little of it is left"),
         (b"x" * 4084 + b"hangtime-take", f"a: is not a take archive; {GIVE}"),

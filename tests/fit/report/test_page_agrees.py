@@ -23,6 +23,7 @@ from fit.recordings.ready import ready
 from fit.report import sections, terms
 from fit.report.answer import candidates_of
 from fit.report.page import packaged, render_report
+from fit.report.tables import effect_table
 from formats.errors import HangtimeError
 from formats.results import save_diagnosis, save_fit_result
 from tests.fit.export.exported import a_fit
@@ -142,6 +143,12 @@ def test_terms_say_what_a_probability_and_more_than_all_of_a_gap_mean():
     page = terms.reading(diagnosis())
     assert "It is no test" in page
     assert "more means that less is left than the noise" in page
+
+
+def test_every_column_of_the_table_of_effects_is_explained_by_its_own_name():
+    columns = re.findall(r"<th[^>]*class=number>(.*?)</th>", str(effect_table((), ())))
+    assert len(columns) == 5
+    assert set(columns) <= {term.casefold() for term in terms.OF_A_DIAGNOSIS}
 
 
 def test_terms_of_a_verdict_by_evidence_tell_of_masses_and_of_no_test():

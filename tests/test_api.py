@@ -376,7 +376,7 @@ def test_the_tutorials_diagnosis_is_the_commands_to_the_last_digit(takes, tmp_pa
     names: dict[str, object] = {}
     for block in blocks(diagnosis=True):
         exec(compile(block, str(TUTORIAL), "exec"), names)
-    paths = [takes / f"{name}.mcap" for name in ("gentle", "mixed")]
+    paths = [takes / f"{name}.mcap" for name in ("mixed", "gentle")]
     mine, end = names["found"].result, 4 if names["found"].result.verdict == "inconclusive" else 0
     said = command("diagnose", *paths, "--held-out", takes / "swing.mcap", "--out", "out", folder=tmp_path, end=end)
     kept = load_diagnosis(tmp_path / "out/diagnosis.json")

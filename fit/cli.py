@@ -229,7 +229,7 @@ def fit_command(
     if plot is not None:
         tell(f"Picture:    {plain(plot)}", plot=str(plot))
     if not effect and not (out / "diagnosis.json").exists():
-        tell(next_step(prepared, next_command(takes, held_out, held_out_motion, out)))
+        tell(next_step(prepared, next_command(takes, held_out, held_out_motion, spacing, out)))
 
 
 def diagnose_command(

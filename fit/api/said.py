@@ -21,10 +21,13 @@ def next_step(prepared: Ready, command: str) -> str:
     return f"`hangtime diagnose` would name no effect from these takes. {failed[0]}" if failed else command
 
 
-def next_command(takes: Sequence[Path], held_out: Sequence[Path], motions: Sequence[str], out: Path) -> str:
+def next_command(
+    takes: Sequence[Path], held_out: Sequence[Path], motions: Sequence[str], spacing: float | None, out: Path
+) -> str:
     """Return the command that diagnoses the takes of a fit, in a sentence; arguments as `hangtime fit` got them."""
     words = ["hangtime", "diagnose", *map(str, takes)]
     words += [word for take in held_out for word in ("--held-out", str(take))]
     words += [word for kind in motions for word in ("--held-out-motion", kind)]
+    words += ["--spacing", f"{spacing:g}"] if spacing is not None else []
     command = shlex.join([*words, "--out", str(out)])
     return plain(f"Next: `{command}` looks for missing physics.")

@@ -93,7 +93,7 @@ def camera_words(result: FitResult | Diagnosis, reported: str = "", *, only_faul
 
 
 def effect_table(diagnosis: Diagnosis) -> Table:
-    """Return a table of the tested effects, most probable first."""
+    """Return a table of the tested effects, most probable first; a size without an interval is of the screening."""
     tested = sorted((e for e in diagnosis.effects if e.tested), key=lambda e: -(e.probability or 0.0))
     rows = []
     for effect in tested:
@@ -103,7 +103,8 @@ def effect_table(diagnosis: Diagnosis) -> Table:
         is_sized = tells_size(effect, diagnosis.named)
         size = with_unit(short(effect.amplitude), effect.unit) if is_sized else "-"
         spread = with_unit(span_of(ends), effect.unit) if ends is not None else ""
-        rows.append((effect.id, chance, size, spread, closed, "named" if is_named else ""))
+        state = "named" if is_named else "screened only" if is_sized and ends is None else ""
+        rows.append((effect.id, chance, size, spread, closed, state))
     heads = ("effect", "probability", "amplitude", "90 % interval", "gap closed", "")
     return Table(heads=heads, rows=tuple(rows), right=(1, 2, 4))
 

@@ -214,7 +214,8 @@ def test_a_fit_is_tested_as_a_fabric_and_warns_of_intervals_that_are_too_short(t
     assert "minimised" not in fitted.stdout
     assert "90 % interval, if the model holds" in fitted.stdout
     assert "neither missing physics nor the mesh's error" in fitted.stdout
-    assert fitted.stdout.endswith("Next: `hangtime diagnose a.mcap --out fitted` looks for missing physics.\n")
+    following = "hangtime diagnose a.mcap --spacing 0.15 --out fitted"
+    assert fitted.stdout.endswith(f"Next: `{following}` looks for missing physics.\n")
     sheet_in_words = hangtime_here("fabric", "fitted/fit.json", folder=tmp_path)
     assert sheet_in_words.returncode == 0, sheet_in_words.stderr
     stiffness = load_fit_result(tmp_path / "fitted/fit.json").material["bending_stiffness"]

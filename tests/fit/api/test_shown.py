@@ -68,6 +68,20 @@ def test_the_effects_have_intervals_and_no_unit_one():
     ]  # fmt: skip
 
 
+def test_a_size_without_an_interval_is_of_the_screening_and_says_so():
+    found = diagnosis()
+    drag = msgspec.structs.replace(
+        found.effects[0], id="air_drag", tested=True, unit="1", amplitude=1.08, amplitude_interval=(0.9, 1.2)
+    )
+    large = msgspec.structs.replace(drag, id="anisotropy", amplitude=2.42, minimum_detectable=0.5, note="screened only")
+    large = msgspec.structs.replace(large, amplitude_interval=None)
+    small = msgspec.structs.replace(large, id="hem", amplitude=0.1)
+    rows = effect_table(msgspec.structs.replace(found, effects=[drag, large, small], named=["air_drag"])).rows
+    assert {row[0]: (*row[2:4], row[5]) for row in rows} == {
+        "air_drag": ("1.08", "0.9 to 1.2", "named"), "anisotropy": ("2.42", "", "screened only"), "hem": ("-", "", "")
+    }  # fmt: skip
+
+
 def test_a_simulation_with_a_fit_prints_no_value_that_the_fit_does_not_identify():
     result = a_fit(unknown=("stretch_stiffness",))
     values = {p.name: p.fitted for p in result.parameters}

@@ -6,8 +6,9 @@ markers have exchanged labels if each position `z_j` is near another path's pred
     PATH_LEAP |z_j - p_i|  <  |z_j - p_j|,    |z_j - p_j|  >  max(LEAST_LEAP, PATH_UNUSUAL q_j),    i = c(j)
 
 `c` permutes these markers. All `p_i` are of one kind, lines or last positions. `q_j` is the median distance of the
-marker's positions from their lines, so labels may be exchanged in one frame of seven. Markers that cross each other go
-on along their own lines, so honest positions fulfil the first rule for no permutation.
+marker's positions from their lines, so labels may be exchanged in one frame of seven. A marker that no three frames in
+a row show has no `q_j`, and leaps nowhere. Markers that cross each other go on along their own lines, so honest
+positions fulfil the first rule for no permutation.
 
 Behind a gap, all markers are far from their predictions, and among many some are near another one's by chance. So
 `q_j` and `LEAST_LEAP` grow with the gap, as constant acceleration leads away from a line. Where frames are lost that
@@ -109,7 +110,7 @@ def _changes(time: Floats, positions: Floats, seen: Integers, ease: Floats) -> l
     `ease`, (markers seen,): divides the rules' factors and `LEAST_LEAP` for a label
     """
     off = _beside_lines(time, positions, seen)
-    usual = [np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else 0.0 for one in off.T]
+    usual = [np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else np.inf for one in off.T]
     least = np.maximum(LEAST_LEAP, PATH_UNUSUAL * np.array(usual)) / ease
     leaping = (off > least)[1:] & ~np.isnan(positions[1:, seen, 0])
     del off

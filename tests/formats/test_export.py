@@ -36,8 +36,7 @@ def takes(draw):
     rate = draw(st.sampled_from([30.0, 69.99, 100.0, 240.0]))
     valid = np.array(draw(st.lists(st.booleans(), min_size=80, max_size=80))).reshape(20, 4)
     valid[0, 0] = True
-    points = take.points * 0 + np.random.default_rng(1).normal(0, draw(st.sampled_from([0.01, 1.0, 50.0])), (20, 4, 3))
-    points = np.where(np.isnan(points), 1.0, points)
+    points = np.random.default_rng(1).normal(0, draw(st.sampled_from([0.01, 1.0, 50.0])), (20, 4, 3))
     return replace(
         take, time=np.arange(20) / rate + draw(st.sampled_from([0.0, 12345.0])), points_valid=valid,
         points=np.where(valid[..., None], points, np.nan),

@@ -239,3 +239,16 @@ def test_files_of_every_kind_are_read_with_a_warning(tmp_path, kind):
     assert re.search(rf"exchanged, so these count as not seen: m7, m18 from {where} \(1.30 to 1.49 s\)", found.warning)
     expected = without(places, np.arange(130, 150), 7, 18)
     np.testing.assert_allclose(found.positions, expected, atol=2e-6)
+
+
+def test_a_marker_that_no_three_frames_in_a_row_show_is_not_exchanged():
+    """Each of two markers is seen for two frames, at the other's place behind a gap."""
+    places = cloth(noise=0.0)[:20, :4]
+    found = with_exchanged(places, np.arange(6, 20), 0, 2)
+    found[2:6, [0, 2]] = found[8:, [0, 2]] = np.nan
+    as_given = found.copy()
+    assert told(found) == ""
+    np.testing.assert_array_equal(found, as_given)
+    whole = with_exchanged(places, np.arange(6, 20), 0, 2)
+    whole[2:6, [0, 2]] = np.nan
+    assert "m0, m2" in told(whole)

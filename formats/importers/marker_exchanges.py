@@ -21,6 +21,7 @@ second search eases the rules for the markers that the first one finds.
 Behind an exchange, the paths go on under the other labels until the next one. The name that a label's path has in most
 frames counts as right. Positions under another name count as not seen.
 
+Where several markers leap in more than half of the frames, their positions are no paths, and no exchange is told.
 Labels that are exchanged throughout the file leap nowhere, and those that are exchanged while a marker is hidden leap
 unseen. `marker_neighbours` compares them with the garment.
 """
@@ -45,6 +46,9 @@ EASE = 2.0
 FEWEST_FRAMES = 5  # our choice: fewer do not show the usual distance
 LED_OVER = 12  # frames that a prediction spans; our choice: cloth turns within more at 100 frames a second
 PATH_FRAMES_AT_ONCE = 1 << 12  # our choice: bounds memory, and no result depends on it
+# Share of the frames. Our choice: exchanges in one frame of seven leap in three of seven, and numbers that are no paths
+# leap in all.
+MOST_LEAPING_FRAMES = 0.5
 MOST_LEAPING = 200  # markers in one frame; our choice: bounds time, and garments have fewer
 
 
@@ -114,8 +118,10 @@ def _changes(time: Floats, positions: Floats, seen: Integers, ease: Floats) -> l
     least = np.maximum(LEAST_LEAP, PATH_UNUSUAL * np.array(usual)) / ease
     leaping = (off > least)[1:] & ~np.isnan(positions[1:, seen, 0])
     del off
-    changes = [_Change(0, np.arange(len(seen)))]
-    for at in np.flatnonzero(leaping.sum(1) > 1) + 1:
+    changes, frames = [_Change(0, np.arange(len(seen)))], np.flatnonzero(leaping.sum(1) > 1) + 1
+    if len(frames) > MOST_LEAPING_FRAMES * len(time):
+        return changes
+    for at in frames:
         begin, label = max(int(at) - LED_OVER, 0), changes[-1].label
         paths = _paths(positions, seen, changes, begin, int(at))
         with np.errstate(over="ignore", invalid="ignore"):

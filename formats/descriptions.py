@@ -16,6 +16,7 @@ import numpy as np
 from formats.errors import DescriptionError
 from formats.garment import Garment, TrackedPoint, signed_area
 from formats.meant_units import NEAR_A_RANGE, unit_of
+from formats.near_names import near_names
 from formats.plain_text import code_in, shortened
 from formats.plausible import check_plausible_garment
 from formats.plausible_rig import DICTIONARIES, LARGEST_MARKER, SHORTEST_BAR, SMALLEST_MARKER, check_plausible_rig
@@ -365,9 +366,7 @@ def _refuse_the_likelier(hanger: Hanger, refuse: Callable[[str], None]) -> None:
 def _check_markers(hanger: Hanger, refuse: Callable[[str], None]) -> None:
     """Check that the dictionary has the hanger's markers."""
     if hanger.dictionary not in DICTIONARIES:
-        import difflib  # here: no right file needs it
-
-        close = difflib.get_close_matches(hanger.dictionary, DICTIONARIES, 1)
+        close = near_names(hanger.dictionary, list(DICTIONARIES))
         hint = f"; did you mean {close[0]}?" if close else ""
         refuse(f"hanger.dictionary {hanger.dictionary!r} is none of OpenCV's{hint}")
     count = DICTIONARIES[hanger.dictionary]

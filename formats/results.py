@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from codecs import BOM_UTF8
 from pathlib import Path
 from typing import TypeVar, get_args, get_type_hints
@@ -21,8 +20,6 @@ from formats.wrong_fields import wrong_field
 
 LARGEST_RESULT = 1 << 27  # bytes: a fit has 138 a frame, so 970,000 frames, which are 9 hours at 30 a second
 FREE_PARTS, BYTES_A_PART = 1 << 19, 12  # values that any file may have, and bytes for each further one; a fit has 25
-
-FIRST_FORMAT = re.compile(rb'\s*\{\s*"format"\s*:\s*"([\w/-]*)"', re.ASCII)  # of a file as Hangtime writes it
 
 Result = TypeVar("Result", FitResult, Diagnosis)
 KINDS_OF_RESULTS: dict[type[FitResult | Diagnosis], str] = {FitResult: "fit result", Diagnosis: "diagnosis"}
@@ -86,9 +83,7 @@ def load_result(path: Path) -> FitResult | Diagnosis:
         ResultError: the file is missing or does not match the schema.
     """
     raw = _bytes_of(path)
-    first = FIRST_FORMAT.match(raw.removeprefix(BOM_UTF8))  # another program may have sorted the fields
-    stated = first[1].decode() if first else _format_in(raw)
-    is_diagnosis = stated.partition("/")[0] == _format_of(Diagnosis).partition("/")[0]
+    is_diagnosis = _format_in(raw).partition("/")[0] == _format_of(Diagnosis).partition("/")[0]
     return diagnosis_from(raw, path) if is_diagnosis else fit_result_from(raw, path)
 
 

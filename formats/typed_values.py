@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from typing import Any
 
 from formats.meant_units import THOUSANDS, number_meant
+from formats.near_names import near_names
 
 COMMA_FOR_POINT = re.compile(r"[+-]?\d*,\d+")
 # Typer's words for a value and its choices.
@@ -35,7 +35,7 @@ def reword(error: Any) -> None:
     get the question whether a near one was meant.
     """
     if chosen := NOT_ONE_OF.fullmatch(str(getattr(error, "message", ""))):
-        near = difflib.get_close_matches(chosen[2].lower(), QUOTED.findall(chosen[3]), 1)
+        near = near_names(chosen[2], QUOTED.findall(chosen[3]))
         error.message = chosen[1] + (f"; did you mean {near[0]!r}?" if near else ".")
         return
     found = getattr(error.__cause__, "errors", None)

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import msgspec
 
 from formats.meant_units import number_meant, question_of
+from formats.near_names import near_names
 
 KIND_WORDS = {
     "str": "text", "bool": "true or false", "int": "a whole number", "float": "a number", "array": "a list",
@@ -30,9 +31,7 @@ def wrong_field(error: msgspec.MsgspecError, parts: Sequence[Any], held: object 
     words = re.sub(r" - at (`key` in )?`.*?`", "", message).removeprefix("Object ")
     if unknown := re.search(r"(?s)unknown field `(.+?)`(?= - at `|$)", message):
         known = [f.name for part in parts for f in msgspec.structs.fields(part)]
-        import difflib  # here: no right file needs it
-
-        close = difflib.get_close_matches(unknown.group(1), known, 1)
+        close = near_names(unknown.group(1), known)
         hint = f"; did you mean `{close[0]}`?" if close else ""
         return f"unknown field `{unknown.group(1)}`{' in ' + field if field else ''}{hint}"
     if missing := re.match(r"missing required field `(.+?)`", words):

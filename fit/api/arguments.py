@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import functools
 import inspect
 import re
@@ -15,7 +14,7 @@ from typing import Any, TypedDict, TypeVar, cast, get_type_hints
 
 import numpy as np
 
-from fit.errors import FitError
+from fit.errors import FitError, unknown_name
 from formats.errors import HangtimeError, of_system
 
 # Options of the command line, without `--`, and the equivalent arguments.
@@ -85,12 +84,7 @@ def names_checked(call: _Call) -> _Call:
     def named(*arguments: Any, **keywords: Any) -> object:
         for name in keywords:
             if name not in known:
-                near = difflib.get_close_matches(name, known, 1)
-                listed = ", ".join(one for one in known if one not in near)
-                raise FitError(
-                    f"there is no argument named {name!r}", where=call.__name__,
-                    advice=f"did you mean {near[0]}? The others: {listed}" if near else f"its arguments: {listed}",
-                )  # fmt: skip
+                raise unknown_name("argument", name, known, where=call.__name__, listed="its arguments")
         return call(*arguments, **keywords)
 
     return cast("_Call", named)

@@ -13,13 +13,14 @@ from fit.blind.plants import PLANTS, choose_plants
 from fit.cli import diagnose_command
 from fit.effects import LIBRARY, find_effects, library_without
 from fit.engines import find_engine
-from fit.errors import FitError, near_names
+from fit.errors import FitError
 from fit.gap.diagnosis import deciding
 from fit.identification.request import Plan, request_of
 from fit.methods import BASE_MODELS, METHODS, SI, find_base_model, find_method
 from fit.methods.fabrics import find_fabric
 from fit.recordings.selection import split_by_motion
 from fit.search.choice import SEARCHES, check_search
+from formats.near_names import near_names
 
 EFFECTS = sorted(effect.name for effect in LIBRARY)
 PARAMETERS = [parameter.name for parameter in SI.parameters]

@@ -27,8 +27,8 @@ def test_a_misspelt_argument_is_answered_with_the_nearest_and_then_all_others(ca
         call("a.mcap", **{misspelt: None})
     others = [name for name in inspect.signature(call).parameters if name != meant]
     assert str(caught.value) == (
-        f"{call.__name__}: there is no argument named {misspelt!r}; did you mean {meant}? "
-        f"The others: {', '.join(others)}"
+        f"{call.__name__}: there is no argument named {misspelt!r}; did you mean {meant}?"
+        + (f" The others: {', '.join(others)}" if others else "")
     )
 
 

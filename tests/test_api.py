@@ -1,4 +1,4 @@
-"""`import hangtime` gives the same numbers as the commands to the last digit, and its tutorial runs."""
+"""`import hangtime` gives the same numbers as the commands to the last digit."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ import io
 import json
 import math
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -20,36 +17,16 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import hangtime
 from fit.cli import fit_command
 from fit.recordings import recording, selection
-from formats.archive import write_take
-from formats.results import load_diagnosis, load_fit_result
+from formats.results import load_fit_result
+from tests.api_takes import command, written_takes
 from tests.fit.here import hangtime_here
-from tests.fit.scenes import material, sheet, simulate_take, swing
 
-ROOT = Path(__file__).parents[1]
-TUTORIAL = ROOT / "docs/tutorial/python.md"
-SHORT_SEARCH = "    search='annealing',\n    iterations=8,\n"
 QUICK = {"method": "si", "search": "annealing", "iterations": 12, "spacing": 0.1, "seed": 3}
 
 
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
-    """A folder `demo` with three takes of a swatch: face-on, faster, and with a sideways swing."""
-    folder = tmp_path_factory.mktemp("api") / "demo"
-    folder.mkdir()
-    time, garment = np.arange(0, 2.6, 1 / 30), sheet()
-    for name, hz, sideways in (("gentle", 0.7, 0.0), ("mixed", 0.9, 0.02), ("swing", 0.8, 0.05)):
-        path = swing(time, amplitude=0.06, hz=hz, sideways=sideways)
-        row = material(garment, velocity_damping=3.0)
-        write_take(folder / f"{name}.mcap", simulate_take(garment, time, path, row, noise=0.002, seed=5, name=name))
-    return folder
-
-
-def command(*words, folder, end=0):
-    done = subprocess.run(
-        [sys.executable, "-m", "hangtime", *map(str, words)], capture_output=True, text=True, cwd=folder, check=False
-    )
-    assert done.returncode == end, done.stderr
-    return done.stdout
+    return written_takes(tmp_path_factory.mktemp("api") / "demo")
 
 
 def here(*words, folder):
@@ -343,48 +320,6 @@ def test_a_file_that_is_no_result_is_named(tmp_path):
     (tmp_path / "other.json").write_text("{}")
     with pytest.raises(hangtime.HangtimeError, match=r"other\.json: is not a fit result"):
         hangtime.load(tmp_path / "other.json")
-
-
-def blocks(*, diagnosis):
-    """The tutorial's Python, with or without its section about the diagnosis, which takes minutes."""
-    sections = re.split(r"^## ", TUTORIAL.read_text(), flags=re.MULTILINE)
-    chosen = [s for s in sections if diagnosis or not s.startswith("Diagnose")]
-    return re.findall(r"^```python\n(.*?)^```", "".join(chosen), flags=re.MULTILINE | re.DOTALL)
-
-
-@pytest.mark.parametrize("search", [SHORT_SEARCH, pytest.param("", marks=pytest.mark.slow)])
-def test_the_tutorial_runs_as_it_is_printed(takes, tmp_path, monkeypatch, capsys, search):
-    """With the search that it prints, and with a short one."""
-    (tmp_path / "demo").symlink_to(takes)
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    found = blocks(diagnosis=False)
-    assert len(found) == 7
-    assert "".join(found).count("    seed=0,\n") == 1
-    for block in found:
-        exec(compile(block.replace("    seed=0,\n", f"    seed=0,\n{search}"), str(TUTORIAL), "exec"), names)
-    said = capsys.readouterr().out
-    assert "stretch_stiffness [N/m]" in said
-    assert "no-such-take.mcap" in said
-    assert (tmp_path / "report.html").read_text().startswith("<!doctype html>")
-
-
-@pytest.mark.slow
-def test_the_tutorials_diagnosis_is_the_commands_to_the_last_digit(takes, tmp_path, monkeypatch, capsys):
-    (tmp_path / "demo").symlink_to(takes)
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    for block in blocks(diagnosis=True):
-        exec(compile(block, str(TUTORIAL), "exec"), names)
-    paths = [takes / f"{name}.mcap" for name in ("mixed", "gentle")]
-    mine, end = names["found"].result, 4 if names["found"].result.verdict == "inconclusive" else 0
-    said = command("diagnose", *paths, "--held-out", takes / "swing.mcap", "--out", "out", folder=tmp_path, end=end)
-    kept = load_diagnosis(tmp_path / "out/diagnosis.json")
-    apart = {"cost": msgspec.structs.replace(kept.cost, seconds=0.0), "created": ""}
-    assert msgspec.structs.replace(mine, **apart) == msgspec.structs.replace(kept, **apart)
-    assert mine.cost.simulations == kept.cost.simulations
-    assert said.splitlines()[0] == f"Verdict: {mine.verdict}"
-    assert (tmp_path / "diagnosis.html").exists()
 
 
 def test_a_simulation_with_a_fit_uses_every_parameter_of_the_fit(takes, fitted):

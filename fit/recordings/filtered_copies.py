@@ -64,9 +64,7 @@ MOST_EMPTY = 10  # times the frames: a take with longer clock jumps is not compa
 MOST_SLOWER = 20.0  # times the other take's interval: a copy with one frame in ten at twice the speed
 MOST_STEPS = 3000  # steps used in the fit at most: more cost time and add little
 LEAST_PRODUCT = 1e-12  # of the largest product; our choice: parts of 1e-6 of the motion are rounding
-POINT_SETS_KEPT = (
-    4  # sets of points of a take; our choice: bounds memory, and takes of a garment mostly show the same points
-)
+POINT_SETS_KEPT = 4  # of a take; our choice: bounds memory, and takes of a garment mostly show the same points
 LAGS = 3  # lags that are tried, as swings are similar one period apart
 # s between frames, below which motion hardly affects sixth differences. At 25 frames a second, flutter of 3 cm at 4 Hz
 # measures as 1.2 mm of noise.

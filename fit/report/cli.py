@@ -47,12 +47,11 @@ def report_command(
     from fit.report.answer import run_names
     from fit.report.places import may_draw
     from fit.report.plot import draw_plot
-    from formats.outputs import AS_PAGE, check_ending, check_place, refuse_to_replace
+    from formats.outputs import AS_PAGE, check_place, refuse_to_replace
 
     if out is not None:
-        check_ending(out, *AS_PAGE)
+        check_place(out, *AS_PAGE)
         refuse_to_replace(out, overwrite=overwrite)
-        check_place(out)
     if plot is not None:
         may_draw(plot, overwrite=overwrite, folder=folder, others=[out] if out is not None else [])
     report, found, motions = write_again(folder, out)
@@ -84,13 +83,12 @@ def compare_command(
     Example: `hangtime compare results other-results`
     """
     from fit.report.compare import compare
-    from formats.outputs import AS_PAGE, check_ending, check_place, refuse_to_replace, write_text
+    from formats.outputs import AS_PAGE, check_place, refuse_to_replace, write_text
     from formats.rows import aligned
 
     if out is not None:
-        check_ending(out, *AS_PAGE)
+        check_place(out, *AS_PAGE)
         refuse_to_replace(out, overwrite=overwrite)
-        check_place(out)
     found = compare(paths)
     for remark in found.remarks:
         say(remark)

@@ -19,9 +19,7 @@ import numpy as np
 from formats.arrays import Booleans, Floats
 
 TIME_SHOWS = 2.0  # times nearer to one time than to the others; our choice: at a turn, both are as near
-FOREIGN = (
-    10.0  # steps of the other markers: farther positions are foreign; our choice: values and bytes are metres away
-)
+FOREIGN = 10.0  # steps of the other markers; our choice: foreign values and bytes lie metres away
 FRAMES_SHOWING = 3  # behind the last one before; our choice: a shift is found up to two frames beside its own
 
 

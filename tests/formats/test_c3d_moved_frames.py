@@ -12,7 +12,7 @@ from formats.importers.c3d_file import read_c3d
 from formats.importers.c3d_moved_frames import warning_of_moved_frames
 from formats.importers.marker_tracks import Wanted
 from tests.formats.c3d_by_hand import c3d_bytes
-from tests.shared_data import SHARED_DATA
+from tests.shared_data import c3d_recording
 
 FRAMES, RATE, POINTS = 300, 100.0, 9
 AT = 95  # near the swing's middle: 0.6 m/s
@@ -167,10 +167,7 @@ def test_some_markers_that_step_or_a_step_of_another_length_are_no_lost_frame():
 
 @pytest.mark.parametrize("name", ["BTS", "Qualisys", "Vicon", "kt_racing_full"])
 def test_real_recordings_show_no_frame_and_show_those_taken_out(name):
-    path = SHARED_DATA / "c3d" / f"{name}.c3d"
-    if not path.exists():
-        pytest.skip(f"no recording at {path}")
-    tracks = read_c3d(path, None)
+    tracks = read_c3d(c3d_recording(name), None)
     assert "step at once" not in tracks.warning
     for first in range(0, tracks.positions.shape[1], 8):  # also by a few of their markers
         assert told(tracks.positions[:, first : first + 8]) == ""

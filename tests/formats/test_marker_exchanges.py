@@ -13,7 +13,7 @@ from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_c3d_moved_frames import KINDS, motion
-from tests.shared_data import SHARED_DATA
+from tests.shared_data import c3d_recording
 
 FRAMES, MARKERS = 300, 25
 LABELS = tuple(f"m{k}" for k in range(MARKERS))
@@ -208,10 +208,7 @@ def test_two_markers_that_meet_rest_and_part_are_not_named():
 
 @pytest.mark.parametrize("name", ["BTS", "Qualisys", "Vicon", "kt_racing_full"])
 def test_real_recordings_show_no_exchange_and_show_those_made(name):
-    path = SHARED_DATA / "c3d" / f"{name}.c3d"
-    if not path.exists():
-        pytest.skip(f"no recording at {path}")
-    tracks = read_c3d(path, None)
+    tracks = read_c3d(c3d_recording(name), None)
     assert "exchanged" not in tracks.warning
     rng, whole = np.random.default_rng(4), tracks.positions
     first = int(np.isfinite(whole[..., 0]).sum(1)[:-30].argmax()) + 5

@@ -21,7 +21,7 @@ second search eases the rules for the markers that the first one finds.
 Behind an exchange, the paths go on under the other labels until the next one. The name that a label's path has in most
 frames counts as right. Positions under another name count as not seen.
 
-Where several markers leap in more than half of the frames, their positions are no paths, and no exchange is told.
+Where several markers leap off their lines in nearly all frames, they have no paths, and no exchange is told.
 Labels that are exchanged throughout the file leap nowhere, and those that are exchanged while a marker is hidden leap
 unseen. `marker_neighbours` compares them with the garment.
 """
@@ -46,9 +46,9 @@ EASE = 2.0
 FEWEST_FRAMES = 5  # our choice: fewer do not show the usual distance
 LED_OVER = 12  # frames that a prediction spans; our choice: cloth turns within more at 100 frames a second
 PATH_FRAMES_AT_ONCE = 1 << 12  # our choice: bounds memory, and no result depends on it
-# Share of the frames. Our choice: exchanges in one frame of seven leap in three of seven, and numbers that are no paths
-# leap in all.
-MOST_LEAPING_FRAMES = 0.5
+# Share of the frames. Our choice: three pairs, each exchanged in one frame of twelve, leap in three frames of four.
+# Numbers that are no paths leap in all.
+MOST_LEAPING_FRAMES = 0.9
 MOST_LEAPING = 200  # markers in one frame; our choice: bounds time, and garments have fewer
 
 
@@ -117,9 +117,11 @@ def _changes(time: Floats, positions: Floats, seen: Integers, ease: Floats) -> l
     usual = [np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else np.inf for one in off.T]
     least = np.maximum(LEAST_LEAP, PATH_UNUSUAL * np.array(usual)) / ease
     leaping = (off > least)[1:] & ~np.isnan(positions[1:, seen, 0])
+    is_beside = np.isfinite(off[1:])  # behind a gap there is no line
     del off
     changes, frames = [_Change(0, np.arange(len(seen)))], np.flatnonzero(leaping.sum(1) > 1) + 1
-    if len(frames) > MOST_LEAPING_FRAMES * len(time):
+    are_off = (leaping & is_beside).sum(1) > 1
+    if are_off.sum() > MOST_LEAPING_FRAMES * len(time):
         return changes
     for at in frames:
         begin, label = max(int(at) - LED_OVER, 0), changes[-1].label

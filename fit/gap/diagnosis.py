@@ -101,9 +101,9 @@ def diagnose(
         )  # fmt: skip
     if prepared is None:
         progress("reading the takes", 0.0)
-    takes = prepared or ready(training, held_out)
-    train, test = takes.training, [takes.held_out[n] for n in takes.judging_order]
-    held_out = [held_out[n] for n in takes.judging_order]
+    takes, added = prepared or ready(training, held_out), tuple(sorted(set(added)))
+    train, test = takes.training, takes.held_out
+    training, held_out = takes.in_order(training, held_out)
     rng = np.random.default_rng(seed)
     found_gates = gate.data_gates(train, test)
     resolution = resolution or fine_enough(train[0])
@@ -202,7 +202,7 @@ def diagnose(
             "--by": by,
             "--spacing": resolution.spacing,
             "--seed": seed,
-            "--add": " ".join(sorted(added)),
+            "--add": " ".join(added),
             **held_out_option(takes.held_out_contents),
         },
     )
@@ -238,7 +238,7 @@ def fine_enough(recording: Recording) -> Resolution:
 
 def _key(takes: Ready, added: tuple[str, ...], observer: Observer, seed: int, by: str = "rules") -> Key:
     return {
-        "takes": takes.contents, "held_out": sorted(takes.held_out_contents), "model": observer.parameterisation.name,
+        "takes": takes.contents, "held_out": takes.held_out_contents, "model": observer.parameterisation.name,
         "added": list(added), "effects": [e.name for e in observer.effects], "seed": seed, "by": by,
         "spacing": observer.resolution.spacing, "physics": physics_version(),
     }  # fmt: skip

@@ -196,6 +196,7 @@ def calibrate(
     """
     takes = prepared or ready(training, held_out)
     train, test = takes.training, takes.held_out
+    training, held_out = takes.in_order(training, held_out)
     with naming_damage([*training, *held_out]):
         check_blocks(np.concatenate(blocks_of(train)))  # before anything is simulated
         model = Model(train, request)

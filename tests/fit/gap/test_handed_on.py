@@ -180,13 +180,21 @@ def test_raw_recordings_are_of_material_points_from_which_no_camera_was_taken_ou
     assert raw_recordings([late])[0].camera == Camera()
 
 
-def test_takes_are_ready_in_their_order_with_what_they_hold():
+def test_takes_are_ready_in_one_order_with_what_they_hold():
     takes = [replace(a_take(seed=seed), take_id=f"take{seed}") for seed in range(3)]
     found = ready(takes[:2], takes[2:])
     assert [one.take_id for one in found.training] == ["take0", "take1"]
     assert [one.take_id for one in found.held_out] == ["take2"]
     assert [*found.contents, *found.held_out_contents] == [content_of(take) for take in takes]
     assert len(found.contents) == 2
+    turned = ready(takes[1::-1], takes[2:])
+    assert [one.take_id for one in turned.training] == ["take0", "take1"]
+    assert turned.contents == found.contents
+    assert [[one.take_id for one in part] for part in turned.in_order(takes[1::-1], takes[2:])] == [
+        ["take0", "take1"], ["take2"],
+    ]  # fmt: skip
+    alike = [replace(takes[0], take_id="take1", source=take.source, points=take.points) for take in takes[:2]]
+    assert ready(alike, []).contents == ready(alike[::-1], []).contents
     wide = replace(takes[2], points=takes[2].points + 2.0)
     with pytest.raises(FitError, match=r"^take2: the point .* mm from the left held end, on the flat garment"):
         ready(takes[:2], [wide])

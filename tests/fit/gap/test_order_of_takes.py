@@ -1,4 +1,4 @@
-"""Several held-out takes: a diagnosis is the same in whatever order they are given."""
+"""Several takes to fit to and to judge on: fit and diagnosis are the same in whatever order they are given."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ import functools
 import itertools
 
 import msgspec
+import numpy as np
 import pytest
 
 from fit.folders import set_aside_others
+from fit.identification.calibrate import calibrate
+from fit.identification.request import request_of
+from fit.methods import find_method
 from fit.recordings.ready import ready
 from formats.results import save_diagnosis
 from tests.fit.gap.linear_cloth import World, a_take, diagnosed
+from tests.fit.scenes import hung, sheet, swing, take_of
 
 
 @functools.cache
@@ -28,6 +33,40 @@ def judged_on(*names):
     world, fitted, judged = takes()
     by_name = {take.take_id: take for take in judged}
     return diagnosed(fitted, [by_name[name] for name in names], world).diagnosis
+
+
+@functools.cache
+def fitted_to(*names, seed=0):
+    """A diagnosis fitted to takes in this order: of a weak hem and much noise, so that roundings would show."""
+    world = World()
+    by_name = {
+        name: a_take(name, world, {"hem": 0.004}, seed=n, hz=0.7 + 0.3 * n, noise=2e-3) for n, name in enumerate("abc")
+    }
+    judged = [a_take("d", world, {"hem": 0.004}, seed=7, noise=2e-3, hz=0.9)]
+    return diagnosed([by_name[name] for name in names], judged, world, seed=seed).diagnosis
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations("abc"))[1:])
+def test_fitted_takes_in_another_order_give_the_same_diagnosis(order):
+    first, other = fitted_to(*"abc"), fitted_to(*order)
+    assert msgspec.structs.replace(other, created=first.created, cost=first.cost) == first
+    assert first.take_ids == ["a", "b", "c"]
+
+
+def test_a_fit_to_takes_in_another_order_is_the_same_in_every_digit():
+    def take(name, hz, seconds=1.6):
+        time = np.arange(0, seconds, 1 / 30)
+        path, garment = swing(time, hz=hz, stop=seconds - 0.4), sheet()
+        noise = np.random.default_rng(ord(name)).normal(0, 1e-3, (len(time), len(garment.points), 3))
+        return take_of(garment, time, path, hung(garment, time) + path[:, None] + noise, name=name)
+
+    made = {name: take(name, hz) for name, hz in zip("abc", (0.6, 0.8, 1.0), strict=True)}
+    judged = [take("d", 0.7), take("e", 0.9, 2.0)]
+    request = request_of(find_method("lean"), [], iterations=2, seed=3, spacing=0.15, search="annealing")
+    one = calibrate([made[name] for name in "abc"], judged, request)
+    other = calibrate([made[name] for name in "cab"], judged[::-1], request)
+    assert msgspec.structs.replace(other, created=one.created, seconds=one.seconds) == one
+    assert (one.take_ids, one.held_out_ids) == (["a", "b", "c"], ["d", "e"])
 
 
 @pytest.mark.parametrize("names", [("c", "d"), ("c", "d", "e")])

@@ -210,7 +210,8 @@ def test_a_motion_of_other_arrays_is_refused_in_one_sentence(damage, tmp_path):
 def test_an_origin_names_garment_mass_sensor_and_the_digest_of_every_take():
     time = np.arange(0, 3, 1 / 30)
     take, other = (take_of(sheet(), time, swing(time), name=name) for name in ("a", "b"))
-    found = origin_of(Ready([take], [other], [content_of(take)], [content_of(other)]), take, "hangtime fit a.mcap")
+    ready = Ready([take], [other], [content_of(take)], [content_of(other)], ([0], [0]))
+    found = origin_of(ready, take, "hangtime fit a.mcap")
     facts = dict(found.facts)
     assert facts["mass"] == "36 g"
     assert facts["garment"].startswith("sheet: swatch, 400 × 450 mm, held by its top edge, 5 tracked points (material)")

@@ -130,12 +130,12 @@ def calibrate_command(
     from firmware_host.errors import FirmwareError
     from firmware_host.opening import open_sensor
     from formats.descriptions import check_rig, dump_description, load_rig
-    from formats.outputs import check_is_no_input, check_place, refuse_to_replace, write_text
+    from formats.outputs import AS_RIG, check_is_no_input, check_place, refuse_to_replace, write_text
     from formats.plausible_rig import check_plausible_rig
 
     if out is not None:
         check_is_no_input(out, {"--sensor": sensor})  # a rig may be replaced by what was measured of it
-        check_place(out, "a rig is written as TOML", ".toml")
+        check_place(out, *AS_RIG)
         refuse_to_replace(out, overwrite=overwrite)
     plumb_ids, clip_ids = two_numbers(plumb, "--plumb-ids"), two_numbers(clips, "--clip-ids")
     before = load_rig(rig, anyway=anyway)

@@ -162,8 +162,9 @@ def fit_command(
     Example: `hangtime fit gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
     from fit.api.takes import check_there
-    from fit.report.places import may_draw
+    from fit.report.places import check_results, may_draw
 
+    check_results(out)
     if plot is not None:
         may_draw(plot, overwrite=overwrite, takes=[*takes, *held_out], folder=out)
     check_there([*takes, *held_out])  # before the imports below, which take seconds
@@ -301,8 +302,9 @@ def diagnose_command(
     Example: `hangtime diagnose gentle.mcap wide.mcap --held-out middle.mcap --out results`
     """
     from fit.api.takes import check_there
-    from fit.report.places import may_draw
+    from fit.report.places import check_results, may_draw
 
+    check_results(out)
     for picture, other in ((plot, arrows), (arrows, plot)):
         if picture is not None:
             others = [other] if other is not None else []

@@ -13,7 +13,7 @@ from fit.errors import FitError
 from formats.diagnosis_records import Diagnosis
 from formats.errors import OutputError, ResultError
 from formats.fit_records import BOUND_NOTE, JUDGED_ON, OF_A_TAKE, WARNING, FitResult
-from formats.outputs import make_output_folder
+from formats.outputs import check_folder_name, make_output_folder
 from formats.plain_text import plain, shortened
 from formats.results import load_diagnosis, load_fit_result
 
@@ -26,9 +26,11 @@ def make_folder(folder: Path, *files: str) -> Path:
     """Make a folder in which `files` are to be written, check that they can be, and return it.
 
     Raises:
-        FitError: the folder cannot be made or written to, or a folder has the name of one of the files.
+        FitError: the folder has the ending of a file, cannot be made or written to, or a folder has the name of one of
+            the files.
     """
     try:
+        check_folder_name(folder, *(Path(name).suffix for name in files))
         make_output_folder(folder)
     except OutputError as error:
         raise FitError(error.what, where=error.where, advice=error.advice) from error

@@ -99,10 +99,11 @@ def import_recordings(
     from formats.importers.own_arrays import holds_a_take, import_own_arrays
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
-    from formats.outputs import check_name, output_folder, refuse_to_replace
+    from formats.outputs import check_folder_name, check_name, output_folder, refuse_to_replace
     from formats.plain_text import plain
     from formats.unfinished import ANOTHER_FOLDER
 
+    check_folder_name(out, ".mcap")
     for path in paths:
         if path.suffix.lower() == DESCRIBED_AS:
             raise TakeError(
@@ -327,14 +328,14 @@ def describe_swatch(
 ) -> None:
     """Describe a square swatch with a full grid of markers, held at its two top corners."""
     from formats.descriptions import dump_description
-    from formats.outputs import check_name, check_place, refuse_to_replace, write_text
+    from formats.outputs import AS_GARMENT, check_name, check_place, refuse_to_replace, write_text
     from formats.plain_text import plain
     from formats.plausible import check_plausible_garment
     from formats.swatch import swatch
 
     check_name(path)
     refuse_to_replace(path, overwrite=overwrite)
-    check_place(path, "a garment is written as TOML", DESCRIBED_AS)
+    check_place(path, *AS_GARMENT)
     described = swatch(mass, side=side, markers=markers, name=plain(path.stem))
     if not anyway:
         check_plausible_garment(described, "--mass, --side", offers_anyway=True)

@@ -18,9 +18,6 @@ if TYPE_CHECKING:  # reading takes needs numpy, and --help does not
     from formats.take import Take
 
 
-TABLES = ".parquet", ".pq"  # endings of a table; a name without an ending is taken as it is
-
-
 class ExportKind(StrEnum):
     """File formats for the export of takes to other programs."""
 
@@ -55,7 +52,15 @@ def export_takes(
     from formats.exporters.rerun_file import write_rrd
     from formats.fault_words import doubts_of, state_of_take
     from formats.missing import incomplete_words
-    from formats.outputs import check_place, output_folder, refuse_an_input, refuse_to_replace
+    from formats.outputs import (
+        AS_PARQUET,
+        check_ending,
+        check_folder_name,
+        check_place,
+        output_folder,
+        refuse_an_input,
+        refuse_to_replace,
+    )
     from formats.plain_text import counted, plain
 
     writers: dict[ExportKind, Callable[..., str | None]] = {
@@ -63,12 +68,14 @@ def export_takes(
     }  # fmt: skip
     targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
     if to is not ExportKind.PARQUET:
+        check_folder_name(out, f".{to.value}")
         refuse_the_same_name(paths, targets, "export one of them elsewhere")
     lost: dict[Path, HangtimeError] = {}
     if to is ExportKind.PARQUET:
         refuse_twice(paths)
         refuse_an_input(out, paths)
-        check_place(out, "one table of all takes is written as Parquet", *TABLES[: 2 * bool(out.suffix)])
+        check_ending(out, *AS_PARQUET, may_lack=True)
+        check_place(out)
         refuse_to_replace(out, overwrite=overwrite)
         read: list[tuple[Path, Take]] = []
         for path in paths:

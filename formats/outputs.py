@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from formats.errors import OutputError
-from formats.plain_text import counted
+from formats.plain_text import counted, plain
 from formats.system_causes import step_to_write
 from formats.unfinished import ANOTHER_NAME, already_there, is_left_over, left_unfinished, not_utf8, unfinished_name
 from formats.whole_files import (
@@ -27,6 +27,14 @@ from formats.whole_files import (
 # How an output is written and its endings, the usual one first: arguments of `check_ending` and `check_place`.
 AS_PICTURE = ("pictures are written as PNG", ".png")
 AS_PAGE = ("pages are written as HTML", ".html", ".htm")
+AS_RESULT = ("results are written as JSON", ".json")
+AS_TABLE = ("tables are written as CSV", ".csv", ".txt")
+AS_PARQUET = ("one table of all takes is written as Parquet", ".parquet", ".pq")
+AS_RIG = ("a rig is written as TOML", ".toml")
+AS_GARMENT = ("a garment is written as TOML", ".toml")
+AS_SHEET = ("markers are written as SVG", ".svg")
+
+COMPRESSED = (".gz", ".bz2", ".xz", ".zst", ".zip")  # endings of gzip, bzip2, xz, Zstandard and ZIP
 
 NAMED_PARTIAL = (".mcap", ".oni")  # written as NAME.partial; others are written as `name_of_its_own`
 
@@ -43,16 +51,39 @@ def check_name(path: Path) -> None:
         raise not_utf8(path) from error
 
 
-def check_ending(path: Path, kind: str, *endings: str) -> None:
+def check_ending(path: Path, kind: str, *endings: str, may_lack: bool = False) -> None:
     """Check the ending of an output file; programs go by it.
 
-    The arguments are those of `check_place`.
+    The arguments are those of `check_place`; `may_lack`: whether a name without any ending is taken as it is.
 
     Raises:
         OutputError: the file has another ending.
     """
-    if endings and path.suffix.lower() not in endings:
-        raise OutputError(kind, where=path, advice=f"give a name that ends in {endings[0]}")
+    if endings and path.suffix.lower() not in endings and not (may_lack and not path.suffix):
+        advice = uncompressed(path, endings) or f"give a name that ends in {endings[0]}"
+        raise OutputError(kind, where=path, advice=advice)
+
+
+def uncompressed(path: Path, endings: Iterable[str]) -> str:
+    """Return the next step for the name of a compressed output file, such as `a.csv.gz`; '' for any other name."""
+    if path.suffix.lower() not in COMPRESSED or Path(path.stem).suffix.lower() not in endings:
+        return ""
+    return f"nothing is compressed here: give {plain(path.stem)}, and compress that file"
+
+
+def check_folder_name(folder: Path, *endings: str) -> None:
+    """Refuse the name of a file where a new folder is to be named, because the file would become a folder.
+
+    endings: of the files that are written into the folder
+
+    Raises:
+        OutputError: the name has one of the endings, and no folder has this name.
+    """
+    if folder.suffix.lower() in endings and not os.path.isdir(folder):
+        raise OutputError(
+            "is the name of a file, and a folder of files is written", where=folder,
+            advice=f"give the folder alone, such as {plain(folder.with_suffix(''))}",
+        )  # fmt: skip
 
 
 def check_place(path: Path, kind: str = "", *endings: str) -> None:
@@ -201,12 +232,15 @@ def step_to_make(error: OSError) -> str:
 
 
 @contextlib.contextmanager
-def output_folder(folder: Path) -> Iterator[None]:
+def output_folder(folder: Path, *endings: str) -> Iterator[None]:
     """Make a folder for the `with` block, as `make_output_folder` does; a block that fails leaves no empty folder.
 
+    endings: as for `check_folder_name`
+
     Raises:
-        OutputError: it cannot be made or written to.
+        OutputError: it has the name of a file, or cannot be made or written to.
     """
+    check_folder_name(folder, *endings)
     with no_empty_folder(folder):
         make_output_folder(folder)
         yield

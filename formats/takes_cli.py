@@ -204,8 +204,10 @@ def recover_takes(
 
     Exit code 2: at least one take cannot be read, or its sound file cannot be written. The others are still recovered.
     """
-    from formats.outputs import output_folder
+    from formats.outputs import check_folder_name, output_folder
 
+    if out is not None:
+        check_folder_name(out, ".mcap")
     names = [path.name.removesuffix(".partial").removesuffix(".mcap") for path in paths]
     targets = [(out or path.parent) / f"{name}.recovered.mcap" for path, name in zip(paths, names, strict=True)]
     refuse_the_same_name(paths, targets, "recover one of them into another --out")

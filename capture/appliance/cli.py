@@ -66,8 +66,11 @@ def status_command(
     """
     from capture.appliance.control import ask, picture_in
     from capture.appliance.status import lines
+    from formats.outputs import AS_PICTURE, check_place
     from formats.whole_files import write_whole
 
+    if preview is not None:
+        check_place(preview, *AS_PICTURE)
     answer = ask(socket, "status")
     seen = ask(socket, "preview")
     answer["sees"] = seen["line"]

@@ -17,8 +17,7 @@ import cv2
 
 from capture.errors import UntrackableError
 from capture.hanger.marker_detection import marker_dictionary
-from formats.errors import OutputError
-from formats.outputs import write_text
+from formats.outputs import AS_SHEET, check_ending, write_text
 
 PAGE = (210.0, 297.0)  # mm, A4
 # mm that no printer reaches. Our choice: wider than a home printer leaves blank; with less, a border would be cut
@@ -91,8 +90,7 @@ def write_sheet(path: Path, dictionary: str, ids: list[int], size_m: float) -> P
         UntrackableError: as `draw_sheet`.
         OutputError: another ending than .svg, or the file cannot be written.
     """
-    if path.suffix.lower() != ".svg":
-        raise OutputError("markers are written as SVG", where=path, advice="give a name that ends in .svg")
+    check_ending(path, *AS_SHEET)
     page = draw_sheet(dictionary, ids, size_m)
     write_text(path, page)
     return path

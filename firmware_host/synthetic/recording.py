@@ -47,7 +47,7 @@ def make_recording(
     described = {rig: dump_description(RIG), description: dump_description(worn)}
     for path in paths:
         refuse_to_replace(path, described.get(path), overwrite=overwrite)
-    with output_folder(out):
+    with output_folder(out, ".oni"):
         world = make_world(
             motion=motion, effect=effect, amplitude=amplitude, seconds=seconds, seed=seed, garment=worn, fabric=fabric,
             rest=rest, progress=lambda stage, share: progress(stage, 0.3 * share),

@@ -158,7 +158,7 @@ def make_silhouette_take(
     paths = [out / f"{name}.npz", out / f"{name}.truth.npz"]
     for path in paths:
         refuse_to_replace(path, overwrite=overwrite)
-    with output_folder(out):
+    with output_folder(out, ".npz"):
         made = seen_silhouette(faults, seconds=seconds, seed=seed, progress=progress)
         _write(paths, faults, made)
     return paths

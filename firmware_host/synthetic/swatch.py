@@ -104,7 +104,7 @@ def make_swatch_take(
     marks, truth, description = paths = [out / f"{stem}.csv", out / f"{stem}.truth.npz", out / f"{fabric}.toml"]
     for path in paths:
         refuse_to_replace(path, described if path == description else None, overwrite=overwrite)
-    with output_folder(out):
+    with output_folder(out, ".csv", ".toml"):
         time = np.arange(SWATCH_FRAMES) / SWATCH_FPS
         nodes = swung_markers(garment, time, motion, true, air_drag=air_drag, progress=progress)
         seen = measured(nodes, np.random.default_rng([seed, 81]))

@@ -19,7 +19,7 @@ from formats.diagnosis_records import Diagnosis, has_size
 from formats.errors import HangtimeError
 from formats.figures import short, without_noise
 from formats.fit_records import ErrorFigure, FitParameter, FitResult, verdict_on
-from formats.outputs import make_parent, refuse_to_replace, write_text
+from formats.outputs import AS_RESULT, AS_TABLE, check_ending, make_parent, refuse_to_replace, write_text
 from formats.results import load_diagnosis, load_fit_result, save_diagnosis, save_fit_result
 from formats.rows import csv_text
 from formats.take import Take
@@ -231,9 +231,10 @@ def _refuse_another(file: Path, load: Callable[[Path], object], result: object, 
     """Refuse to replace a file that holds anything but this result.
 
     Raises:
-        OutputError: it does, or cannot be replaced.
+        OutputError: it does, or cannot be replaced; or its name has another ending than those of results.
     """
     check_switches(overwrite=overwrite)
+    check_ending(file, *AS_RESULT, may_lack=True)
     if not overwrite and file.is_file():
         with suppress(HangtimeError):
             if load(file) == result:
@@ -246,13 +247,15 @@ def _csv(heads: tuple[str, ...], rows: Any, path: Path | str | None, *, overwrit
     """Return rows as CSV, and write them where a path is given; a file that holds just these rows may stay.
 
     Raises:
-        OutputError: another file is there and is not to be overwritten, or it cannot be written.
+        OutputError: another file is there and is not to be overwritten, its name has another ending, or it cannot be
+            written.
     """
     text = csv_text(heads, ([without_noise(one) if isinstance(one, float) else one for one in row] for row in rows))
     if path is not None:
         with arguments_named():
             file = path_of(path, "path")
             check_switches(overwrite=overwrite)
+            check_ending(file, *AS_TABLE, may_lack=True)
             make_parent(file)
             refuse_to_replace(file, text, overwrite=overwrite)
             write_text(file, text)

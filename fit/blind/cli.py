@@ -150,8 +150,10 @@ def run_command(
     command continues from there.
     """
     from fit.blind.running import run_set
+    from formats.outputs import check_folder_name
 
     answers = out or folder / "answers"
+    check_folder_name(answers, ".json")
     with counting("diagnosing", "finished answers are kept") as show:
         failed = run_set(
             folder, answers, options=option, again=again, limit=limit, workers=workers, takes=takes, progress=show
@@ -262,7 +264,9 @@ def strike_command(
     Finished answers are skipped. Interrupt with Ctrl-C at any time; the same command continues from there.
     """
     from fit.blind.striking import STRUCK, strike_set
+    from formats.outputs import check_folder_name
 
+    check_folder_name(out, ".json")
     with counting("diagnosing", "finished answers are kept") as show:
         struck = strike_set(
             folder, answers, out, least=least, options=option, again=again, limit=limit, workers=workers,
@@ -294,9 +298,9 @@ def report_command(
     from fit.blind.page import check_page_name, write_page
     from formats.outputs import AS_PAGE, check_ending, refuse_to_replace
 
+    check_ending(out, *AS_PAGE)
     read_manifest(folder)
     check_page_name(out, (folder, answers))
-    check_ending(out, *AS_PAGE)
     refuse_to_replace(out, overwrite=overwrite)
     page = write_page(answers, out)
     tell(f"Report: {plain(page)}", report=str(page))

@@ -17,7 +17,7 @@ from fit.export.kinds import check_libraries
 from fit.export.moving import SIMULATED_OF_MESH, Moving, check_engine, motion_of
 from fit.export.new_motion import check_motion, hung_swatch, new_motion
 from fit.export.sheet import SWATCH_SPACING
-from fit.export.video import CODECS, DEFAULT_SIZE, film
+from fit.export.video import DEFAULT_SIZE, FILMS, film
 from fit.export.worn import FigureOrder, sewn, worn
 from fit.figure.wearing import LAYERS_APART
 from fit.recordings.recording import prepare
@@ -25,7 +25,6 @@ from formats.fit_records import FitResult
 from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
 from formats.take import Take
 
-FILMS = (*CODECS, ".gif")
 ANIMATION_SUFFIXES = (*FILMS, ".usdc", ".glb")
 LIBRARIES_OF_FILMS = {".mp4": ("PIL", "av"), ".webm": ("PIL", "av"), ".gif": ("PIL",), ".usdc": ("pxr",)}
 SMALLEST_SIDE, LARGEST_SIDE = 64, 4096  # px; our choice: an icon, and the width of the largest usual screens

@@ -227,8 +227,8 @@ def animate_command(
     """
     from dataclasses import replace
 
-    from fit.export.animation import FILMS, Scene, animate, check_film
-    from fit.export.video import DEFAULT_SIZE
+    from fit.export.animation import Scene, animate, check_film
+    from fit.export.video import DEFAULT_SIZE, FILMS
     from fit.export.worn import FigureOrder
     from fit.identification.read_again import read_fit
     from formats.archive import read_take

@@ -28,11 +28,18 @@ from fit.export.usd_physics import THICKNESS, usd_physics
 from fit.methods import find_method
 from formats.fit_records import FitResult
 from formats.interrupts import held
-from formats.outputs import check_name, output_folder, refuse_to_replace, write_bytes
+from formats.outputs import (
+    AS_PARQUET,
+    AS_TABLE,
+    check_name,
+    output_folder,
+    refuse_to_replace,
+    uncompressed,
+    write_bytes,
+)
+from formats.plain_text import plain
 from formats.take import Take
 
-# Programs choose the format by the suffix alone: OpenUSD reads no text in .usdc; .gltf is JSON, .glb is not.
-BY_END = {".usd", ".usda", ".usdc", ".usdz", ".glb", ".gltf", ".abc", ".pc2", ".csv", ".parquet", ".u3m", ".xml", ".py"}
 # of letters alike; our choice: .cvs for .csv and .parqet have 0.75 and more, .txt and .dat of every known ending less
 MISSPELT = 0.7
 Show = Callable[[float, str], None]
@@ -116,17 +123,26 @@ class Order:
 class Kind:
     """A kind of export: suffix of its file, function that makes the files, and suffixes of further files.
 
-    check: raises an error where a program or a library that writes the file is missing; asked before any simulation
+    - `also`: further endings by which programs take the file for this format
+    - `check`: raises an error where a program or a library that writes the file is missing; asked before any simulation
     """
 
     suffix: str
     make: Callable[[Order], dict[str, bytes]]
     beside: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
     check: Callable[[], None] = lambda: None
 
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """Return the endings of the file, the usual one first."""
+        return (Path(f"fit{self.suffix}").suffix, *self.also)
 
-def _one(suffix: str, make: Callable[[Order], bytes], check: Callable[[], None] = lambda: None) -> Kind:
-    return Kind(suffix=suffix, make=lambda order: {suffix: make(order)}, check=check)
+
+def _one(
+    suffix: str, make: Callable[[Order], bytes], check: Callable[[], None] = lambda: None, also: tuple[str, ...] = ()
+) -> Kind:
+    return Kind(suffix=suffix, make=lambda order: {suffix: make(order)}, check=check, also=also)
 
 
 def check_libraries(*names: str) -> None:
@@ -168,17 +184,22 @@ MESH_OF_TAKE = {"csv", "parquet"}  # kinds with a mesh if they contain a motion
 WITH_THICKNESS = {"usd-physics"}
 
 EXPORT_KINDS: dict[str, Kind] = {
-    "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",)),
-    "parquet": Kind(suffix=".parquet", make=_parquet, beside=(".motion.parquet",), check=_check_parquet),
+    "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",), also=AS_TABLE[2:]),
+    "parquet": Kind(
+        suffix=".parquet", make=_parquet, beside=(".motion.parquet",), also=AS_PARQUET[2:], check=_check_parquet
+    ),
     "table": _one(".fabric.txt", lambda o: tables.software_table(o.result, o.fabric).encode()),
     "usd-physics": _one(
-        ".physics.usda", lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness), _check_usd
+        ".physics.usda",
+        lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness),
+        _check_usd,
+        also=(".usd",),
     ),
     "newton": _one(".newton.json", lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing)),
     "mujoco": _one(".mujoco.xml", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)),
     "u3m": _one(".u3m", lambda o: u3m(o.result, o.fabric)),
     "blender": _one(".blender.py", lambda o: blender_script(o.result, o.fabric_if_any, o.sheet)),
-    "usd": _one(".usdc", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving), _check_usd),
+    "usd": _one(".usdc", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving), _check_usd, also=(".usd",)),
     "gltf": _one(".glb", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)),
     "abc": _one(".abc", lambda o: alembic(o.moving.even()), check_blender),
     "pc2": Kind(suffix=".pc2", make=_pc2, beside=(".obj",)),
@@ -250,13 +271,13 @@ def checked_names(order: Order, kind: str, path: Path, *, overwrite: bool = Fals
     if not path.name:  # `.` and `/`, which have no ending to look at
         refuse_to_replace(path, overwrite=overwrite)
     beside = chosen.beside if order.take is not None else ()
-    _check_end(path, path.with_suffix(chosen.suffix).suffix, kind)
     if path.suffix in beside:
         raise FitError(
             f"{path.suffix} is the end of the file beside it",
             where=path,
             advice=f"give a name that ends in {chosen.suffix}",
         )
+    _check_end(path, kind)
     names = {suffix: path.with_suffix(suffix) for suffix in beside} | {chosen.suffix: path}
     for file in names.values():
         refuse_to_replace(file, overwrite=overwrite)
@@ -264,23 +285,31 @@ def checked_names(order: Order, kind: str, path: Path, *, overwrite: bool = Fals
     return names
 
 
-def _check_end(path: Path, end: str, kind: str) -> None:
-    """Refuse an ending by which programs take the file for one of another format, or a misspelt one.
-
-    end: the usual ending of the kind
+def _check_end(path: Path, kind: str) -> None:
+    """Refuse another ending than those of the kind; a name without any ending is taken as it is.
 
     Raises:
-        FitError: names the usual ending.
+        FitError: names the usual ending, or who writes the other.
     """
-    given, usual = path.suffix.lower(), {end, ".usd" if end.startswith(".usd") else end}
-    if given in usual or not (given in BY_END or difflib.get_close_matches(given, {*BY_END, end}, 1, MISSPELT)):
+    given, endings = path.suffix.lower(), EXPORT_KINDS[kind].endings
+    if not given or given in endings:
         return
-    advice = f"give a name that ends in {end}"
-    if given not in BY_END and difflib.get_close_matches(given, usual, 1, MISSPELT):
-        advice = f"did you mean {path.with_suffix(end).name}?"
+    if difflib.get_close_matches(given, endings, 1, MISSPELT) and not _writers_of(given):
+        advice = f"did you mean {plain(path.with_suffix(endings[0]).name)}?"
+    else:
+        others = "".join(f", or {other}, which writes {given}" for other in _writers_of(given))
+        advice = uncompressed(path, endings) or f"give a name that ends in {endings[0]}{others}"
     raise FitError(
-        f"--to {kind} writes no {path.suffix}, and programs go by the end of the name", where=path, advice=advice
+        f"--to {kind} writes no {plain(path.suffix)}, and programs go by the end of the name", where=path, advice=advice
     )
+
+
+def _writers_of(ending: str) -> list[str]:
+    """Return the choice of --to whose usual ending this is, or the command that writes films."""
+    from fit.export.video import FILMS
+
+    kinds = [f"--to {name}" for name, one in EXPORT_KINDS.items() if one.endings[0] == ending]
+    return [*kinds, *["`hangtime animate`"] * (ending in FILMS)]
 
 
 def _check_used(order: Order, kind: str) -> None:

@@ -13,6 +13,7 @@ from fit.export.moving import Moving
 Progress = Callable[[int, int], None]
 
 CODECS = {".mp4": ("libx264", "libsvtav1", "mpeg4"), ".webm": ("libvpx-vp9", "libsvtav1", "libvpx")}
+FILMS = (*CODECS, ".gif")  # endings
 GIF_RATE = 20.0  # frames a second at most: browsers slow down frames shorter than 20 ms, and GIF counts in 10 ms
 DEFAULT_SIZE = (960, 720)  # px; our choice: 4 to 3, in which a hanging garment fills the picture; less would hide folds
 

@@ -8,11 +8,29 @@ from pathlib import Path
 
 from fit.folders import PARTIAL
 from formats.errors import OutputError
-from formats.outputs import AS_PICTURE, check_ending, check_place, refuse_an_input, refuse_to_replace
+from formats.outputs import (
+    AS_PAGE,
+    AS_PICTURE,
+    AS_RESULT,
+    check_ending,
+    check_folder_name,
+    check_place,
+    refuse_an_input,
+    refuse_to_replace,
+)
 from formats.unfinished import ANOTHER_NAME
 
 # Files of a results folder, which no picture may replace.
 RESULT_FILES = ("fit.json", "diagnosis.json", "report.html", "report.motion.npz", *PARTIAL.values())
+
+
+def check_results(folder: Path) -> None:
+    """Check the name of a folder of results, before anything is read.
+
+    Raises:
+        OutputError: it has the ending of a result or page, and is no folder.
+    """
+    check_folder_name(folder, *(ending for _, *endings in (AS_RESULT, AS_PAGE) for ending in endings))
 
 
 def may_draw(

@@ -96,7 +96,7 @@ def test_recover_goes_on_within_a_file_of_which_one_take_is_too_large_for_the_di
 def test_recover_leaves_no_empty_folder_where_the_disk_is_full(tmp_path):
     write_take(tmp_path / "a.mcap", a_take())
     (tmp_path / "mine").mkdir()
-    for out in ("new/r.mcap", "mine"):
+    for out in ("new/r", "mine"):
         with no_file_beyond(100):
             done = hangtime_here("takes", "recover", "a.mcap", "--out", out, folder=tmp_path)
         assert (done.returncode, "File too large" in done.stderr) == (2, True)

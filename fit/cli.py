@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from fit.api.said import next_command, next_step
+from fit.api.said import is_diagnosed, model_to_name, next_command, next_step
 from fit.batch.cli import add_commands as add_batch_commands
 from fit.blind.cli import add_commands as add_blind_commands
 from fit.export.cli import add_commands as add_export_commands
@@ -229,8 +229,10 @@ def fit_command(
     tell(f"Fit result: {plain(out / 'fit.json')}\nReport:     {plain(report)}")
     if plot is not None:
         tell(f"Picture:    {plain(plot)}", plot=str(plot))
-    if not effect and not (out / "diagnosis.json").exists():
-        tell(next_step(prepared, next_command(takes, held_out, held_out_motion, spacing, out)))
+    if not effect and not is_diagnosed(out, prepared):
+        base = model_to_name(method, training[0].garment)
+        command = next_command(takes, held_out, held_out_motion, spacing, out, model=base, anyway=anyway)
+        tell(next_step(prepared, command))
 
 
 def diagnose_command(
@@ -362,19 +364,10 @@ def diagnose_command(
     try:
         with alone(out):
             findings = diagnose(
-                training,
-                testing,
-                effects=library,
-                model=base,
-                added=tuple(add),
-                checkpoint=out / "diagnosis.partial",
-                resolution=resolution,
-                seed=seed,
-                prepared=prepared,
-                by=decided,
-                begun=begun,
+                training, testing, effects=library, model=base, added=tuple(add), checkpoint=out / "diagnosis.partial",
+                resolution=resolution, seed=seed, prepared=prepared, by=decided, begun=begun,
                 progress=lambda stage, share: progress.show(share, stage),
-            )
+            )  # fmt: skip
             progress.end()
             if aside := set_aside_others(out / "diagnosis.json", prepared.are_of, findings.diagnosis):
                 say(aside)

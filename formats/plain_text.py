@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterable, Sequence
 
 LONGEST_TEXT = 2000  # characters of one text; our choice: 25 rows of 80, about the terminal's height
 NAME_SHOWN = 255  # characters of a name in a sentence: the most bytes of a file name in Linux, limits.h
@@ -38,6 +39,25 @@ def plain(text: object) -> str:
     letters = str(text)
     shown = "".join(letter if is_harmless(letter) else _escaped(letter) for letter in letters[:LONGEST_TEXT])
     return shown if len(letters) <= LONGEST_TEXT else shown + " ..."
+
+
+def as_typed(words: Iterable[str]) -> str:
+    """Return words as a command line that a shell takes apart into just these words.
+
+    Control characters and bytes that are not UTF-8 appear as in `$'caf\\xe9.oni'`, for bash, zsh and POSIX.1-2024.
+    """
+    return " ".join(shlex.quote(word) if word.isprintable() else f"$'{_in_ansi_quotes(word)}'" for word in words)
+
+
+def _in_ansi_quotes(word: str) -> str:
+    return "".join(
+        f"\\{letter}"
+        if letter in "\\'"
+        else letter
+        if letter.isprintable()
+        else "".join(f"\\x{byte:02x}" for byte in letter.encode("utf-8", "surrogateescape"))
+        for letter in word
+    )
 
 
 def shortened(name: str) -> str:

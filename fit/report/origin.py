@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shlex
 import sys
 from importlib.metadata import version
 
@@ -13,6 +11,7 @@ import numpy as np
 from fit.provenance import physics_version
 from fit.recordings.ready import Ready
 from formats.garment import Garment
+from formats.plain_text import as_typed
 from formats.rig import Rig
 from formats.take import Take
 
@@ -33,7 +32,7 @@ def command_line() -> str:
 
     A byte of a file name that is not UTF-8 appears as its code, as in \\xff: the page and its motion are UTF-8.
     """
-    return os.fsencode(shlex.join(["hangtime", *sys.argv[1:]])).decode("utf-8", "backslashreplace")
+    return as_typed(["hangtime", *sys.argv[1:]])
 
 
 def origin_of(takes: Ready, first: Take | None = None, command: str = "") -> Origin:

@@ -223,7 +223,7 @@ def test_an_origin_names_garment_mass_sensor_and_the_digest_of_every_take():
 
 def test_a_command_that_names_a_file_in_no_utf8_is_kept_with_its_motion(monkeypatch, tmp_path):
     monkeypatch.setattr("sys.argv", ["hangtime", "fit", "a\udcff.mcap"])
-    assert command_line() == r"hangtime fit 'a\xff.mcap'"
+    assert command_line() == r"hangtime fit $'a\xff.mcap'"
     save_motions(tmp_path / "report.html", [], Origin(facts=[("command", command_line())]), "")
 
 

@@ -81,6 +81,12 @@ def place_of(regions: Sequence[str]) -> str:
     return f"at the {' and '.join(regions)}" if regions else ""
 
 
+def is_refitted(effect: EffectFinding) -> bool:
+    """Return whether an effect was refitted; the size of any other one is a linear estimate of the screening."""
+    figures = (effect.fitted_share, effect.closure, effect.amplitude_interval)
+    return any(one is not None for one in figures) or effect.note.lower().startswith(AT_BOUND)
+
+
 def has_size(effect: EffectFinding) -> bool:
     """Return whether an effect was tested and its size is not at its bound."""
     is_at_bound = effect.amplitude_interval is None and effect.note.lower().startswith(AT_BOUND)

@@ -13,11 +13,13 @@ TERMS = re.findall(r"^(\S.*)\n: ", (ROOT / "docs/reference/glossary.md").read_te
 TERM = re.compile(r"\b(" + "|".join(re.escape(one).replace(r"\-", "[- ]") for one in TERMS) + r")s?\b")
 # Titles and names of the report in everyday words alone.
 PLAIN = {
-    "after, mm", "along the cloth's normal", "as published", "as the published method counts", "at which frequency",
+    "after, mm", "along the cloth's normal", "at which frequency",
     "before", "before, mm", "by", "camera", "cost", "cost and notes", "diagnosis", "down by", "error over time",
-    "errors before and after", "fit", "fitted", "fitted parameters", "from minimum to maximum",
-    "grows with speed to the power of", "held where its edge was tracked", "how to read this", "in which direction",
-    "initial", "keeps its sign (stores energy, or is constant)", "manual", "manual against optimised", "meaning",
+    "errors as mean distances", "errors before and after", "fit", "fitted", "fitted parameters",
+    "from minimum to maximum", "grows with speed to the power of", "held where its edge was tracked",
+    "how to read this", "in which direction",
+    "initial", "keeps its sign (stores energy, or is constant)", "manual", "manual against optimised", "mean distance",
+    "meaning",
     "motion", "on the cloth", "optimised", "origin", "parameter", "parameters", "place", "play",
     "real against simulated motion", "record next", "size", "tells apart", "the cloth as the camera saw it",
     "the next recording", "the sensor's noise alone", "when in the motion", "where", "where this page comes from",

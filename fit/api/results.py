@@ -15,7 +15,7 @@ from fit.api.arguments import PlanOptions, arguments_named, check_switches, path
 from fit.api.shown import diagnosis_tables, effect_table, error_row, fit_tables, interval_words
 from fit.api.tables import Table, as_html, as_text
 from formats.arrays import Booleans, Floats
-from formats.diagnosis_records import Diagnosis, has_size
+from formats.diagnosis_records import Diagnosis, has_size, is_refitted
 from formats.errors import HangtimeError
 from formats.figures import short, without_noise
 from formats.fit_records import ErrorFigure, FitParameter, FitResult, verdict_on
@@ -130,14 +130,18 @@ class DiagnosisOutcome(_Shown):
     def to_csv(self, path: Path | str | None = None, *, overwrite: bool = False) -> str:
         """Return one row per effect of the library as CSV, and write it if a path is given.
 
-        An effect that was not tested or whose size is at its bound has no amplitude.
+        `amplitude` is the effect's size. An effect that was not tested or whose size is at its bound has none. Where
+        `is_refitted` is False, the effect was only screened: the size is a linear estimate, which may lie far beyond
+        the effect's range.
         """
-        heads = ("effect", "is_tested", "is_named", "probability", "amplitude", "unit", "closure", "p_value")
+        heads = (
+            "effect", "is_tested", "is_named", "probability", "amplitude", "unit", "closure", "p_value", "is_refitted",
+        )  # fmt: skip
         rows = [
             (
                 e.id, e.tested, e.id in self.result.named, e.probability,
                 e.amplitude if has_size(e) else None, e.unit,
-                e.closure.value if e.closure is not None else None, e.p_value,
+                e.closure.value if e.closure is not None else None, e.p_value, is_refitted(e),
             )
             for e in self.result.effects
         ]  # fmt: skip

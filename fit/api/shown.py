@@ -7,7 +7,7 @@ rounding decides at which of them a search ends.
 from __future__ import annotations
 
 from fit.api.tables import Table
-from formats.diagnosis_records import Diagnosis, EffectFinding, tells_size
+from formats.diagnosis_records import Diagnosis, EffectFinding, in_percent, is_refitted, tells_size
 from formats.figures import head_of, short, span_of, with_unit
 from formats.fit_records import (
     TRIVIAL_NAMES,
@@ -93,19 +93,19 @@ def camera_words(result: FitResult | Diagnosis, reported: str = "", *, only_faul
 
 
 def effect_table(diagnosis: Diagnosis) -> Table:
-    """Return a table of the tested effects, most probable first; a size without an interval is of the screening."""
+    """Return a table of the tested effects, most probable first; it marks those that were screened only."""
     tested = sorted((e for e in diagnosis.effects if e.tested), key=lambda e: -(e.probability or 0.0))
     rows = []
     for effect in tested:
         closed = f"{100 * effect.closure.value:z.0f} %" if effect.closure is not None else ""
-        chance = f"{100 * effect.probability:.0f} %" if effect.probability is not None else ""
+        chance = in_percent(effect.probability) if effect.probability is not None else ""
         is_named, ends = effect.id in diagnosis.named, effect.amplitude_interval
         is_sized = tells_size(effect, diagnosis.named)
         size = with_unit(short(effect.amplitude), effect.unit) if is_sized else "-"
         spread = with_unit(span_of(ends), effect.unit) if ends is not None else ""
-        state = "named" if is_named else "screened only" if is_sized and ends is None else ""
+        state = "named" if is_named else "" if is_refitted(effect) else "screened only"
         rows.append((effect.id, chance, size, spread, closed, state))
-    heads = ("effect", "probability", "amplitude", "90 % interval", "gap closed", "")
+    heads = ("effect", "probability", "size", "90 % interval", "gap closed", "")
     return Table(heads=heads, rows=tuple(rows), right=(1, 2, 4))
 
 

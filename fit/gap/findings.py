@@ -111,7 +111,7 @@ def describe_effects(
         can_show = len(shown) > 0
         note = (
             f"screened only: it explains {100 * signature.explained:.0f} % of the residual, and was not chosen for a "
-            "refit; amplitude linearised"
+            "refit; its size is a linear estimate"
         )
         if can_show and size >= shown.max():
             note += f", and large enough to show; --add {name} refits and tests it"
@@ -119,7 +119,7 @@ def describe_effects(
             note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws" if weighed is None else ""
         if beside:
             rest = " and ".join(evidence.observer.library[n].title for n in beside.effects if n != name)
-            note = f"amplitude beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
+            note = f"size beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
         if is_held:
             note = f"{AT_BOUND}, so that its size has no interval; {note}"
         if not len(moving):

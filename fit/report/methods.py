@@ -1,4 +1,4 @@
-"""Report section in the terms of the published methods: error table, objective and parameter combinations."""
+"""Report section with the measures of the published methods: error table, objective and parameter combinations."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from fit.report.text import MISSING, interval, number, percent, unit_of
 from formats.fit_records import TRIVIAL_NAMES, Combination, FitResult, ObjectiveFigure, verdict_on
 
 PAPER_MEASURE = (
-    "The measure of the published method: in each frame the mean distance of all points, held ones included. All other "
-    "errors on this page are root mean squares over the free points."
+    "Publications, and the tables of `hangtime fit`, state the mean distance of all points, held ones included. All "
+    "other errors on this page are root mean squares over the free points."
 )
 
 
 def method_figures(fit: FitResult | None) -> Markup:
-    """Return the body of the section on the published methods, empty without a fit."""
+    """Return the body of the section on mean distances and objective, empty without a fit."""
     if fit is None:
         return NOTHING
     return _error_table(fit) + _objective_table(fit.objective) + _combination_table(fit.combinations)

@@ -31,7 +31,7 @@ SECTIONS = (  # anchor, name in the contents, title
     ("gap", "The gap", "The gap"), ("motion", "Motion", "Real against simulated motion"),
     ("errors", "Error over time", "Error over time"), ("parameters", "Parameters", "Fitted parameters"),
     ("camera", "Camera", "The cloth as the camera saw it"),
-    ("method", "As published", "As the published method counts"), ("effects", "Effects", "Effects considered"),
+    ("method", "Mean distance", "Errors as mean distances"), ("effects", "Effects", "Effects considered"),
     ("where", "Where", "Where the gap lies"), ("force", "Missing force", "The missing force"),
     ("next", "Record next", "The next recording"), ("gates", "Checks", "Checks"), ("cost", "Cost", "Cost and notes"),
     ("reading", "How to read this", "How to read this"), ("origin", "Origin", "Where this page comes from"),

@@ -229,9 +229,7 @@ def method(fit: FitResult | None) -> Markup:
     """Return the section with the published method's errors, objective and combinations before and after the fit."""
     found = method_figures(fit)
     return (
-        piece("parts.html", "details", "Errors as the published method counts them, objective", found, False)
-        if (found)
-        else NOTHING
+        piece("parts.html", "details", "Mean distance of all points, objective", found, False) if (found) else NOTHING
     )
 
 

@@ -71,13 +71,13 @@ def test_an_export_by_call_replaces_a_file_only_where_that_is_asked_for(folder, 
 
 ROWS = [
     {"effect": "air_drag", "is_tested": "True", "is_named": "True", "probability": "0.94", "amplitude": "1.31",
-     "unit": "1", "closure": "0.87", "p_value": "2e-07"},
+     "unit": "1", "closure": "0.87", "p_value": "2e-07", "is_refitted": "True"},
     {"effect": "hem", "is_tested": "True", "is_named": "False", "probability": "0.03", "amplitude": "0.004",
-     "unit": "kg/m", "closure": "0.08", "p_value": "0.21"},
+     "unit": "kg/m", "closure": "0.08", "p_value": "0.21", "is_refitted": "True"},
     {"effect": "time_offset", "is_tested": "True", "is_named": "False", "probability": "", "amplitude": "-0.0021",
-     "unit": "s", "closure": "0.01", "p_value": "0.64"},
+     "unit": "s", "closure": "0.01", "p_value": "0.64", "is_refitted": "True"},
     {"effect": "clip_slip", "is_tested": "False", "is_named": "False", "probability": "", "amplitude": "",
-     "unit": "m", "closure": "", "p_value": ""},
+     "unit": "m", "closure": "", "p_value": "", "is_refitted": "False"},
 ]  # fmt: skip
 
 
@@ -90,6 +90,23 @@ def test_a_diagnosis_has_a_row_an_effect_as_csv(tmp_path):
         {name: value.lower() for name, value in row.items()} for row in ROWS
     ]
     assert (tmp_path / "tables/effects.csv").read_text() == text == outcome.to_csv()
+
+
+def test_csv_marks_the_sizes_that_no_refit_found():
+    """A size of the screening is linearised, and may lie far beyond the range: 2923 for a timing of 1 at most."""
+    given = diagnosis()
+    screened = msgspec.structs.replace(
+        given.effects[1], id="frame_timing", amplitude=-2923.0, amplitude_interval=None, closure=None, p_value=None,
+        note="screened only: it explains 1 % of the residual",
+    )  # fmt: skip
+    at_its_bound = msgspec.structs.replace(screened, id="hem", note="at its bound, so that its size has no interval")
+    refitted = msgspec.structs.replace(screened, id="draught", fitted_share=0.02)
+    found = diagnosis(effects=[given.effects[0], screened, at_its_bound, refitted])
+    rows = csv.DictReader(io.StringIO(hangtime.DiagnosisOutcome(result=found).to_csv()))
+    assert {row["effect"]: (row["amplitude"], row["is_refitted"].lower()) for row in rows} == {
+        "air_drag": ("1.31", "true"), "frame_timing": ("-2923.0", "false"), "hem": ("", "true"),
+        "draught": ("-2923.0", "true"),
+    }  # fmt: skip
 
 
 def test_a_diagnosis_as_a_dictionary_is_its_file(tmp_path):
@@ -113,7 +130,7 @@ def test_a_diagnosis_shows_its_effects_as_html_and_as_text():
     outcome = hangtime.DiagnosisOutcome(result=diagnosis(sentence=given.sentence, effects=effects))
     html = outcome._repr_html_()
     heads = re.findall(r"<th>(.*?)</th>", html)
-    assert heads == ["effect", "probability", "amplitude", "90 % interval", "gap closed", ""]
+    assert heads == ["effect", "probability", "size", "90 % interval", "gap closed", ""]
     rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(<td>.*?)</tr>", html)]
     shown = [
         ["air_drag", "94 %", "1.31", "1.02 to 1.6", "87 %", "named"],

@@ -68,17 +68,18 @@ def test_the_effects_have_intervals_and_no_unit_one():
     ]  # fmt: skip
 
 
-def test_a_size_without_an_interval_is_of_the_screening_and_says_so():
+def test_an_effect_that_was_screened_only_says_so_with_a_size_or_without():
     found = diagnosis()
     drag = msgspec.structs.replace(
         found.effects[0], id="air_drag", tested=True, unit="1", amplitude=1.08, amplitude_interval=(0.9, 1.2)
     )
     large = msgspec.structs.replace(drag, id="anisotropy", amplitude=2.42, minimum_detectable=0.5, note="screened only")
-    large = msgspec.structs.replace(large, amplitude_interval=None)
+    large = msgspec.structs.replace(large, amplitude_interval=None, closure=None)
     small = msgspec.structs.replace(large, id="hem", amplitude=0.1)
     rows = effect_table(msgspec.structs.replace(found, effects=[drag, large, small], named=["air_drag"])).rows
     assert {row[0]: (*row[2:4], row[5]) for row in rows} == {
-        "air_drag": ("1.08", "0.9 to 1.2", "named"), "anisotropy": ("2.42", "", "screened only"), "hem": ("-", "", "")
+        "air_drag": ("1.08", "0.9 to 1.2", "named"), "anisotropy": ("2.42", "", "screened only"),
+        "hem": ("-", "", "screened only"),
     }  # fmt: skip
 
 

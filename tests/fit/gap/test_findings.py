@@ -255,7 +255,7 @@ def test_effects_that_are_named_together_have_their_sizes_beside_each_other(desc
     drag, lag = found["air_drag"], found["filter_lag"]
     pair = evidence.joint[0][0]
     assert drag.amplitude == evidence.amplitude("air_drag", beside=pair)[0]
-    assert drag.note == f"amplitude beside {KINDS['filter_lag'].title}; closure alone"
+    assert drag.note == f"size beside {KINDS['filter_lag'].title}; closure alone"
     assert lag.note == f"found beside {KINDS['air_drag'].title} only"
     assert lag.amplitude_interval == evidence.amplitude("filter_lag", beside=pair)[1]
     assert (drag.p_value, lag.p_value, lag.closure, lag.fitted_share) == (None, None, None, None)
@@ -271,7 +271,7 @@ def test_an_effect_that_was_only_screened_or_is_in_the_base_model_has_no_closure
     lag, shear = by_name["filter_lag"], by_name["shear_stiffness"]
     assert drag.id == "air_drag"
     assert lag.note == (
-        "screened only: it explains 30 % of the residual, and was not chosen for a refit; amplitude linearised"
+        "screened only: it explains 30 % of the residual, and was not chosen for a refit; its size is a linear estimate"
     )
     assert (lag.closure, lag.p_value, lag.amplitude_interval, lag.fitted_share) == (None, None, None, None)
     assert (lag.probability, lag.amplitude, lag.tested) == (0.0, 0.0, True)

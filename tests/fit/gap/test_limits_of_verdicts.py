@@ -111,7 +111,7 @@ def test_of_three_effects_named_together_each_has_its_size_beside_both_others(mo
     effects = tuple(KINDS[name] for name in evidence.screened)
     found = {one.id: one.note for one in describe_effects(evidence, evidence.joint[0][0], effects, SI, weighed={})}
     both = f"{KINDS['hem'].title} and {KINDS['time_offset'].title}"
-    assert f"amplitude beside {both}; closure alone" in found["air_drag"]
+    assert f"size beside {both}; closure alone" in found["air_drag"]
 
 
 @pytest.mark.parametrize(("left", "verdict"), [(5.2, "none"), (5.7, "unknown")])

@@ -176,7 +176,7 @@ def test_two_effects_are_named_with_the_twin_of_one_of_them():
     assert d.alternatives == {other: [twin]}
     assert f"{next(e.title for e in EFFECTS if e.name == twin)}: these takes cannot tell" in d.sentence
     hem, one, two = (finding(d, name) for name in ("hem", other, twin))
-    assert hem.note.startswith("amplitude beside ")
+    assert hem.note.startswith("size beside ")
     assert hem.amplitude == pytest.approx(HEM, rel=0.05)
     assert hem.probability == pytest.approx(one.probability + two.probability, abs=0.01)
     assert min(one.probability, two.probability) > 0.05

@@ -65,7 +65,7 @@ def test_effects_that_are_named_together_are_described_by_their_fit_together(mon
     assert least["attachment_offset"] == 0.2 * ends["attachment_offset"]
     assert (places["hem"], places["air_drag"]) == (["bottom left", "bottom centre", "bottom right"], [])
     assert sizes["air_drag"][0] == pytest.approx(0.6)
-    assert sizes["air_drag"][1].startswith("amplitude beside")
+    assert sizes["air_drag"][1].startswith("size beside")
     assert sizes["time_offset"][0] == pytest.approx(find_effects(["time_offset"])[0].typical)
     alone = {f.id: f.amplitude for f in describe_effects(evidence, None, LIBRARY, SI)}
     assert alone["air_drag"] == pytest.approx(1.2)

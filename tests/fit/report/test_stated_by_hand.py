@@ -8,11 +8,13 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 from fit.report import answer, page, sections
 from fit.report.effects import meaning_of, sentence_of, sketch_of
 from fit.report.origin import _calibration, _garment, _sensor, origin_of
 from fit.report.page import SECTIONS, _takes, render_report
+from fit.report.templating import coded
 from formats.rig import Calibration
 from tests.fit.report.report_scene import diagnosis, fit_result, motion
 from tests.fit.scenes import hung, sheet, take_of
@@ -130,3 +132,14 @@ def test_the_gap_says_why_its_share_can_be_surer_than_the_whiskers_and_only_wher
     for lacking in ({"closure": None}, {"with_effect_mm": None}):
         made = diagnosis(gap=msgspec.structs.replace(diagnosis().gap, **lacking))
         assert says not in str(sections.gap(made))
+
+
+def test_a_command_in_a_note_is_set_as_code_and_everything_else_is_escaped():
+    given = diagnosis(notes=["`hangtime takes show` gives <the> noise."])
+    page = sections.cost(None, given)
+    assert "<li><code>hangtime takes show</code> gives &lt;the&gt; noise.</li>" in page
+    gate = msgspec.structs.replace(given.gates[0], sentence="Measure it by `hangtime calibrate` & record.")
+    page = sections.gates(diagnosis(gates=[gate]))
+    assert "Measure it by <code>hangtime calibrate</code> &amp; record." in page
+    assert coded(Markup("<b>`a`</b>")) == Markup("<b><code>a</code></b>")
+    assert coded("one ` alone") == "one ` alone"

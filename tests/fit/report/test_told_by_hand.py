@@ -98,11 +98,11 @@ def test_simulated_cloth_moved_freely_unless_a_pull_is_stated():
     assert (_motion(recording, False, np.zeros((0, 3), int), {}).pull_hz, motion().pull_hz) == (0.0, 0.0)
 
 
-def test_the_published_measure_and_the_columns_of_an_objective_are_named():
+def test_the_measure_of_publications_and_the_columns_of_an_objective_are_named():
     parts = {"position": (8.0, 2.0), "velocity": (4.0, 3.0)}
     objective = ObjectiveFigure(name="E/N", unit="1", before=12.0, after=5.0, parts=parts)
     shown = words_on(method_figures(msgspec.structs.replace(fit_result(), objective=objective)))
-    assert "The measure of the published method: in each frame the mean distance of all points" in shown
+    assert "Publications, and the tables of hangtime fit , state the mean distance of all points, held" in shown
     assert "part of the objective manual optimised down by" in shown
     assert "position 8 2 75 %" in shown
 

@@ -127,11 +127,12 @@ def export_command(
     )  # fmt: skip
     is_shown = to is ExportKind.TABLE and out is None  # the sheet itself tells the doubts
     path = out or default_path(file, to.value)
+    names: dict[str, Path] = {}
     if is_shown:
         check_order(order, to.value)
     else:
         check_is_no_input(path, {"FIT": file} | ({"--take": take} if take is not None else {}))
-        checked_names(order, to.value, path, overwrite=overwrite)
+        names = checked_names(order, to.value, path, overwrite=overwrite)
     remarks = [] if is_shown else doubts(result, order.fabric_if_any)
     remarks = list(dict.fromkeys([*remarks, *remarks_on_take(result, order.take)]))
     for remark in remarks:
@@ -141,7 +142,7 @@ def export_command(
         tell(sheet.removesuffix("\n"), table=sheet)
         return
     try:
-        made = contents(order, to.value, path, overwrite=overwrite)
+        made = contents(order, to.value, names)
     except KeyboardInterrupt:
         if begun:
             progress.end()

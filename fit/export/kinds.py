@@ -215,7 +215,7 @@ def export(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> l
         FitError: an unknown kind, a fit without the content of this kind, or a take that is missing or not of the fit.
         OutputError: a file is there already, or cannot be written.
     """
-    made = contents(order, kind, path, overwrite=overwrite)
+    made = contents(order, kind, checked_names(order, kind, path, overwrite=overwrite))
     write_contents(made, overwrite=overwrite)
     return list(made)
 
@@ -232,13 +232,14 @@ def write_contents(made: Mapping[Path, bytes], *, overwrite: bool = False) -> No
             write_bytes(file, raw, overwrite=overwrite)
 
 
-def contents(order: Order, kind: str, path: Path, *, overwrite: bool = False) -> dict[Path, bytes]:
-    """Return every file of an export with its content, the one at `path` first; nothing is written.
+def contents(order: Order, kind: str, names: Mapping[str, Path]) -> dict[Path, bytes]:
+    """Return every file of an export with its content, the one that was ordered first; nothing is written.
+
+    names: what `checked_names` returned
 
     Raises:
-        FitError, OutputError: as `export`.
+        FitError: a fit without the content of this kind.
     """
-    names = checked_names(order, kind, path, overwrite=overwrite)
     return {names[suffix]: raw for suffix, raw in EXPORT_KINDS[kind].make(order).items()}
 
 

@@ -150,18 +150,16 @@ def test_a_scene_is_simulated_on_the_mesh_of_the_fit_or_of_a_swatch_and_seams_ke
 
 
 def test_an_order_of_an_export_is_what_the_options_say(folder, monkeypatch):
-    orders = []
-    monkeypatch.setattr(
-        kinds, "contents", lambda order, kind, path, overwrite: orders.append((order, kind, path, overwrite)) or {}
-    )
-    monkeypatch.setattr(kinds, "write_contents", lambda made, overwrite: None)
+    orders, written = [], []
+    monkeypatch.setattr(kinds, "contents", lambda order, kind, names: orders.append((order, kind, names)) or {})
+    monkeypatch.setattr(kinds, "write_contents", lambda made, overwrite: written.append(overwrite))
     words = ("--to", "usd-physics", "--take", "swing.mcap", "--thickness", "0.0005", "--spacing", "0.1", "--overwrite")
     assert hangtime_here("export", ".", *words, "--out", "x.usda", folder=folder).returncode == 0
     hangtime_here("export", ".", "--to", "gltf", folder=folder)
-    (first, kind, path, overwrite), (second, other, default, keeps) = orders
-    assert (kind, path, overwrite) == ("usd-physics", Path("x.usda"), True)
+    (first, kind, names), (second, other, default) = orders
+    assert (kind, names, written) == ("usd-physics", {".physics.usda": Path("x.usda")}, [True, False])
     assert (first.take.take_id, first.thickness, first.spacing) == ("scene", 5e-4, 0.1)
-    assert (other, default.name, keeps) == ("gltf", "fit.glb", False)
+    assert (other, {end: path.name for end, path in default.items()}) == ("gltf", {".glb": "fit.glb"})
     assert (second.take, second.thickness, second.spacing) == (None, 1e-3, None)
     refused = hangtime_here("export", ".", "--to", "csv", "--thickness", "0.001", folder=folder)
     assert "--thickness: changes nothing here: csv holds none" in refused.stderr

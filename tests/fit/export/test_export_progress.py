@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import signal
 
 import numpy as np
@@ -72,7 +73,20 @@ def test_ctrl_c_between_the_files_of_an_export_waits_for_the_last(tmp_path, monk
 
 
 def test_the_contents_of_an_export_are_the_files_that_it_writes(tmp_path):
-    made = contents(Order(result=a_fit()), "newton", tmp_path / "a.json")
+    order = Order(result=a_fit())
+    made = contents(order, "newton", kinds.checked_names(order, "newton", tmp_path / "a.json"))
     assert not list(tmp_path.iterdir())
     assert kinds.export(Order(result=a_fit()), "newton", tmp_path / "a.json") == list(made)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == made
+
+
+def test_the_places_of_an_export_are_checked_once(tmp_path, monkeypatch):
+    """For `abc` each check starts Blender's Python."""
+    asked = []
+    kind = dataclasses.replace(kinds.EXPORT_KINDS["newton"], check=lambda: asked.append("library"))
+    monkeypatch.setitem(kinds.EXPORT_KINDS, "newton", kind)
+    save_fit_result(tmp_path / "fit.json", a_fit())
+    assert hangtime_here("export", "fit.json", "--to", "newton", folder=tmp_path).returncode == 0
+    assert asked == ["library"]
+    kinds.export(Order(result=a_fit()), "newton", tmp_path / "b.json")
+    assert asked == ["library", "library"]

@@ -66,7 +66,8 @@ def export_takes(
     writers: dict[ExportKind, Callable[..., str | None]] = {
         ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
     }  # fmt: skip
-    targets = [out if to is ExportKind.PARQUET else out / f"{path.stem}.{to.value}" for path in paths]
+    stems = [path.with_name(path.name.removesuffix(".partial")).stem for path in paths]
+    targets = [out if to is ExportKind.PARQUET else out / f"{stem}.{to.value}" for stem in stems]
     if to is not ExportKind.PARQUET:
         check_folder_name(out, f".{to.value}")
         refuse_the_same_name(paths, targets, "export one of them elsewhere")

@@ -13,6 +13,7 @@ from formats.take_report import TOO_LARGE, LeftState, TakeReport
 
 RECOVERS = "`hangtime takes recover` makes a sound file"
 EARLIER = "reported of the file it was made from: "
+STILL_WRITTEN = "a recording or import is still writing it; wait until it ends"
 RECOVERS_EACH = f"{RECOVERS} of each take"
 
 
@@ -82,8 +83,10 @@ def faults(take: Take, report: TakeReport) -> list[str]:
 
 
 def unsettled(report: TakeReport) -> list[str]:
-    """Describe what an interrupted recording or import left: a take or descriptions under unfinished names."""
+    """Describe a take or descriptions under unfinished names: still being written, or left by an interruption."""
     path = Path(report.file)
+    if report.is_being_written:
+        return [STILL_WRITTEN]
     if path.name.endswith(".mcap.partial") and report.is_sound:
         return [f"the file is whole and never got its name; {RECOVERS} of it"]
     return [_left(state, prepared_name(path, name).name, name) for name, state in report.left.items()]

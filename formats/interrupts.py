@@ -52,6 +52,19 @@ def forget_interruption() -> None:
     _Interruption.is_met = False
 
 
+def end_undisturbed() -> None:
+    """From now on, while the process ends, ignore one Ctrl-C; the system's default action follows for a second one.
+
+    Libraries still do short work then, such as keeping compiled kernels. An interruption would print their stack.
+    """
+
+    def ignore(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    if callable(signal.getsignal(signal.SIGINT)):  # a shell ignores Ctrl-C for a command in the background
+        signal.signal(signal.SIGINT, ignore)
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
     _Interruption.is_met = True
     signal.default_int_handler(number, frame)

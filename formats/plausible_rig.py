@@ -29,6 +29,7 @@ NARROWEST, WIDEST = 10.0, 150.0
 LONGEST_LENS = 50.0  # mm: a focal length below this number was taken from a data sheet, which gives millimetres
 SQUARE_WITHIN = 1.2  # times: fx over fy of square pixels is 1; Kinect's calibrations differ by 1.005
 MIDDLE_FROM, MIDDLE_TO = 0.25, 0.75  # of the picture's side: calibrated Kinects and Xtions have 0.48 to 0.53
+USUALLY_WITHIN = 0.06  # of the picture's side, from its middle: twice what calibrated Kinects and Xtions have
 STEEPEST_VIEW = 60.0  # degrees between gravity and down in the picture: beyond, hanging cloth is seen from its edge
 DEEPEST_HOLD = 0.5  # m, largest distance of a held end from the bar, vertically or in depth: clips are a hand long
 WIDEST_HOLD = 10.0  # held width over the markers' distance: LONGEST_BAR over the 0.3 m of the printed hanger
@@ -125,6 +126,16 @@ def _check_sensor(sensor: Sensor, refuse: Refuse) -> None:
         refuse(
             f"sensor.fx = {sensor.fx:g} and sensor.fy = {sensor.fy:g} px do not give square pixels",
             "give both focal lengths in pixels; `hangtime sensor play` tells them",
+        )
+    as_given = sensor.cx / sensor.width, sensor.cy / sensor.height
+    exchanged = sensor.cx / sensor.height, sensor.cy / sensor.width
+    if all(
+        abs(share - 0.5) <= USUALLY_WITHIN < abs(given - 0.5) for share, given in zip(exchanged, as_given, strict=True)
+    ):
+        refuse(
+            f"sensor.cx = {sensor.cx:g} and sensor.cy = {sensor.cy:g} px are far from the middle of {sensor.width} x "
+            f"{sensor.height} pixels, where sensors have it; are they exchanged?",
+            "give the principal point in pixels; `hangtime sensor play` tells it",
         )
     for name, at, pixels in (("cx", sensor.cx, sensor.width), ("cy", sensor.cy, sensor.height)):
         if not MIDDLE_FROM * pixels <= at <= MIDDLE_TO * pixels:

@@ -10,14 +10,17 @@ import sys
 def main() -> None:
     """Import the command line, then run it."""
     try:
-        from formats.interrupts import hold_while_importing
+        from formats.interrupts import end_undisturbed, hold_while_importing
 
         hold_while_importing()
         from formats.command import main as run
     except KeyboardInterrupt:
         _tell_interruption()
         sys.exit(128 + 2)  # a shell's exit code of a command that signal 2, SIGINT, ended
-    run()
+    try:
+        run()
+    finally:
+        end_undisturbed()
 
 
 def _tell_interruption() -> None:

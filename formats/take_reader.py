@@ -20,6 +20,7 @@ from formats.take_end import Held, contradictions, is_end, missing_spans, stray_
 from formats.take_header import described, of_another_version
 from formats.take_messages import Message, header_of, sorted_messages
 from formats.take_report import TakeReport
+from formats.unfinished import is_being_written
 
 LARGEST_FILE = 1 << 30  # bytes: ten hours of 81 markers at 120 frames a second are half of it
 SEARCHED_BYTES = 1 << 22  # bytes searched in a file of another profile: a take repeats its header
@@ -27,6 +28,7 @@ MIXED = "two takes share a header in this file, or one has lost its own, and the
 IMPOSSIBLE_SPANS = "its header states impossible missing times"
 MOST_TAKES = 50  # read from one file: more than a person would join
 COPY = "copy it again from where it was recorded"
+UNTIL_WRITTEN = "wait until the recording or import that writes it has ended"
 ONI_START = b"NI10"  # first bytes of a sensor recording (.oni), as OpenNI2 writes it
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
@@ -64,7 +66,7 @@ def read_with_report(path: Path) -> tuple[Take, TakeReport]:
     Raises:
         TakeError: as `read_take`.
     """
-    return _Archive(_bytes_of(path), path).first()
+    return _Archive(_bytes_of(path), path, is_being_written=is_being_written(path)).first()
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def read_every_take(path: Path) -> EveryTake:
     Raises:
         TakeError: the file is missing, not a take, or has no header that can be read.
     """
-    return _Archive(_bytes_of(path), path).every()
+    return _Archive(_bytes_of(path), path, is_being_written=is_being_written(path)).every()
 
 
 def _bytes_of(path: Path) -> bytes:
@@ -126,8 +128,11 @@ def _refuse_what_has_no_end(path: Path) -> None:
 class _Archive:
     """The takes of a file: usually one, or several in a joined file or a file with a stray page of another take."""
 
-    def __init__(self, raw: bytes, where: object) -> None:
+    def __init__(self, raw: bytes, where: object, *, is_being_written: bool = False) -> None:
+        self._is_being_written = is_being_written
         if not raw:
+            if is_being_written:
+                raise TakeError("is empty yet", where=where, advice=UNTIL_WRITTEN)
             raise TakeError("is empty", where=where, advice="give a take archive")
         self._raw, self._where, self._findings = raw, where, Findings()
         self._contents = sorted_messages(messages_with_sizes(raw, self._findings), self._findings.refund_copy)
@@ -160,6 +165,8 @@ class _Archive:
             if header is not None:
                 return binding, header
             self._contents.damaged += 1
+        if self._is_being_written:
+            raise TakeError("holds no readable header yet", where=self._where, advice=UNTIL_WRITTEN)
         raise _no_header(self._raw, self._findings, self._where)
 
     def _read_or_lost(self, binding: bytes) -> tuple[Take, TakeReport] | TakeError:
@@ -185,6 +192,8 @@ class _Archive:
         columns, kept, lost = decoded(blocks, len(garment.points), version, self._memory)
         columns, kept, out_of_order = increasing(columns, kept) if kept else (columns, kept, 0)
         damaged += strange + lost + self._without - (not parts.blocks)
+        if not kept and self._is_being_written:
+            raise TakeError("holds no frame yet", where=self._where, advice=UNTIL_WRITTEN)
         if not kept:
             raise _no_frame(ends, damaged, findings.left_packed + self._memory.left_out - before, self._where)
         scans, lost_scans = sound_scans(parts.scans, version, self._memory)
@@ -212,6 +221,7 @@ class _Archive:
             earlier=earlier, trailing_bytes=findings.trailing, other_blocks=other_blocks,
             other_takes=len(self._takes) - bool(parts.blocks), unread_blocks=unread, doubts=tuple(doubts),
             earlier_doubts="; ".join(noted_doubts(words.notes)), file=str(self._where),
+            is_being_written=self._is_being_written,
             left=left_beside(self._where, rig, garment) if isinstance(self._where, Path) else {},
         )  # fmt: skip
         return Take(

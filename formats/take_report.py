@@ -27,6 +27,7 @@ class TakeReport:
     - `doubts`: sentences about contradictions in the header and the end message
     - `earlier_doubts`: the same of an earlier file of this take or of its import, from the notes; '' without any
     - `file`: path from which the take was read, '' for a take without a file
+    - `is_being_written`: a recording or import still wrote the file while it was read
     - `left`: the rig or garment that its import left, as `formats.left_descriptions.left_beside` finds them
     """
 
@@ -46,6 +47,7 @@ class TakeReport:
     unread_blocks: int = 0
     doubts: tuple[str, ...] = ()
     file: str = ""
+    is_being_written: bool = False
     left: Mapping[str, LeftState] = field(default_factory=dict)
 
     @property

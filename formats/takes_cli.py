@@ -175,7 +175,7 @@ def verify_takes(paths: TakeFiles) -> None:
         rest = f", {report.damaged_blocks} damaged" if report.damaged_blocks else ""
         rest += "".join(f"; {fault}" for fault in faults(take, report))
         state = state_of_take(take)
-        if state.state in ("damaged", "incomplete"):
+        if state.state in ("damaged", "incomplete") and not report.is_being_written:
             rest += f"; {RECOVERS_EACH if report.other_takes else RECOVERS}"
         held = f"{counted(report.frames, 'frame')} in {counted(report.blocks, 'block')}"
         words = f"{plain(path)}: {held}{rest}"
@@ -297,7 +297,7 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     from msgspec import to_builtins
 
     from formats.archive import write_take
-    from formats.fault_words import EARLIER, lost_scans, state_of_take, unread
+    from formats.fault_words import EARLIER, STILL_WRITTEN, lost_scans, state_of_take, unread
     from formats.outputs import no_empty_folder, unwritable
     from formats.plain_text import plain, shortened
     from formats.take_writer import with_room
@@ -314,6 +314,7 @@ def _recover(take: Take, report: TakeReport, target: Path, *, overwrite: bool, i
     notes += f"; lost: {lost_scans(report)}" if report.missing_scans else ""
     notes += f"; {unread(report)}" if report.unread_blocks else ""
     notes += "".join(f"; {doubt}" for doubt in report.doubts)
+    notes += f"; {STILL_WRITTEN}, and recover it again" if report.is_being_written else ""
     notes += "; its longest note is cut, since a header has no more room" if kept is not take else ""
     notes += f"; {EARLIER}{report.earlier_doubts}" if report.earlier_doubts else ""
     of = f" of another take in this file, {plain(shortened(take.take_id))}" if is_another else ""

@@ -10,6 +10,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
@@ -28,6 +29,9 @@ from formats.whole_files import (
 )
 
 ANOTHER_NAME, ANOTHER_FOLDER = "give another name", "choose another folder with --out"
+READERS_LEAVE = 0.2  # s: a reader holds its lock for microseconds, and a busy machine may stop it in between
+# s between two tries for the lock. Our choice: a twentieth of the wait. A half and twice were not tried.
+TRY_EVERY = 0.01
 TellAside = Callable[[Path, Path], None]  # called with the names of a file that was put aside, before and after
 
 
@@ -84,6 +88,20 @@ def is_left_over(path: Path, *, instead: str = ANOTHER_NAME) -> bool:
         with _locked(unfinished_name(path), instead, os.O_RDWR) as file:
             return os.fstat(file.fileno()).st_size > 0
     except FileNotFoundError:
+        return False
+
+
+def is_being_written(path: Path) -> bool:
+    """Return whether a writer holds this unfinished file at this moment; False where nobody can know."""
+    if not path.name.endswith(".partial"):
+        return False
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return False
+    except BlockingIOError:
+        return True
+    except OSError:
         return False
 
 
@@ -231,7 +249,7 @@ def _locked(partial: Path, instead: str, access: int = os.O_RDWR | os.O_CREAT) -
             ) from error
         file = os.fdopen(handle, "r+b")
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(file)
             if _leads_to(partial, file):
                 return file
             file.close()  # the writer before finished it, or discarded it, between our opening and our lock
@@ -244,6 +262,22 @@ def _locked(partial: Path, instead: str, access: int = os.O_RDWR | os.O_CREAT) -
         except BaseException:
             file.close()
             raise
+
+
+def _lock(file: BinaryIO) -> None:
+    """Lock an open file for one writer; wait for readers that look whether a writer holds it.
+
+    Raises:
+        BlockingIOError: another writer holds it.
+    """
+    until = time.monotonic() + READERS_LEAVE
+    while True:
+        try:
+            return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(TRY_EVERY)
 
 
 def _leads_to(name: Path, file: BinaryIO) -> bool:

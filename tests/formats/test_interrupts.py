@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from formats.interrupts import ended_like_ctrl_c, held, raise_swallowed, remember_interruptions
+from formats.interrupts import end_undisturbed, ended_like_ctrl_c, held, raise_swallowed, remember_interruptions
 
 
 @pytest.fixture(autouse=True)
@@ -149,3 +149,31 @@ def test_an_interruption_while_the_command_is_imported_ends_it_where_nobody_read
     code = INTERRUPTED_AT.format(module="typer", before="import os; os.close(2)")
     done = subprocess.run([sys.executable, "-c", code, "takes"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (130, "")
+
+
+ENDING = """
+import atexit, signal, sys
+
+def keep():
+    for _ in range({times}):
+        signal.raise_signal(signal.SIGINT)
+    print("kept", flush=True)
+
+atexit.register(keep)
+from formats.start import main
+main()
+"""
+
+
+@pytest.mark.parametrize(("times", "told"), [(1, (0, "kept\n")), (2, (-signal.SIGINT, ""))])
+def test_an_interruption_at_the_end_of_the_process_prints_no_stack(times, told):
+    """The first leaves what libraries do then, and the exit code; the second ends it all."""
+    words = [sys.executable, "-c", ENDING.format(times=times), "--version"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.partition("\n")[2], done.stderr) == (*told, "")
+
+
+def test_an_interruption_that_a_shell_ignores_stays_so_at_the_end_of_the_process():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_undisturbed()
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN

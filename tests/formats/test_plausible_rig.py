@@ -72,6 +72,8 @@ PLAY = "; `hangtime sensor play` tells"
          f"principal point in pixels{PLAY} it"),
         ({"cx": 1.0}, "sensor.cx = 1 px is far from the middle of 640 pixels, where sensors have it; is that a share "
          f"of the picture, 640 px? Give the principal point in pixels{PLAY} it"),
+        ({"cx": 239.5, "cy": 319.5}, "sensor.cx = 239.5 and sensor.cy = 319.5 px are far from the middle of 640 x 480 "
+         f"pixels, where sensors have it; are they exchanged? Give the principal point in pixels{PLAY} it"),
         ({"cy": 100.0}, "sensor.cy = 100 px is far from the middle of 480 pixels, where sensors have it; give the "
          f"principal point in pixels{PLAY} it"),
         ({"fx": 4.7, "fy": 4.7}, "sensor.fx = 4.7 px lets 640 pixels span 178 degrees, a sensor's picture 10 to 150; "

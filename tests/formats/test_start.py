@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from importlib.abc import MetaPathFinder
 
@@ -17,6 +18,13 @@ class _Interrupting(MetaPathFinder):
     def find_spec(self, fullname, path, target=None):
         if fullname == "formats.interrupts":
             raise KeyboardInterrupt
+
+
+@pytest.fixture(autouse=True)
+def handler():
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

@@ -44,8 +44,8 @@ def check_digest(raw: bytes, stated: str, where: object, again: str) -> None:
         return
     if digits := _rounded_to(raw):
         raise ResultError(
-            f"was changed after it was written: all its numbers have {digits} digits at most, as a program leaves them "
-            "that rounds", where=where,
+            f"was rounded or changed after it was written: all its numbers have {digits} digits at most, as a program "
+            "leaves them that rounds", where=where,
             advice=f"read the file that Hangtime wrote, or {again}; or remove its field {KEY!r}, and it is read as it "
             "is",
         )  # fmt: skip

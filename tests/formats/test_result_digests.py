@@ -18,6 +18,7 @@ from formats.results import (
     save_diagnosis,
     save_fit_result,
 )
+from tests.fit.export.exported import a_fit
 from tests.fit.report.report_scene import diagnosis, fit_result
 
 KINDS = [
@@ -149,9 +150,9 @@ def test_a_result_whose_numbers_a_program_has_rounded_is_told_so(kept, digits):
         with pytest.raises(ResultError) as refused:
             read(path)
         assert str(refused.value) == (
-            f"{path}: was changed after it was written: all its numbers have {digits} digits at most, as a program "
-            f"leaves them that rounds; read the file that Hangtime wrote, or {again}; or remove its field 'digest', "
-            "and it is read as it is"
+            f"{path}: was rounded or changed after it was written: all its numbers have {digits} digits at most, as a "
+            f"program leaves them that rounds; read the file that Hangtime wrote, or {again}; or remove its field "
+            "'digest', and it is read as it is"
         )
 
 
@@ -176,3 +177,20 @@ def test_a_result_is_read_by_its_format_wherever_it_stands(kept, order):
     else:
         path.write_text("\ufeff" * (order == "last") + json.dumps(whole, indent=3))
     assert load_result(path) == record
+
+
+@pytest.mark.parametrize("is_edited", [False, True])
+def test_a_rounded_result_whose_numbers_disagree_is_told_so_whether_or_not_it_was_edited_before(tmp_path, is_edited):
+    """Rounding moves the material's numbers away from the parameters'; nothing shows an edit before it."""
+    path = tmp_path / "fit.json"
+    kept = a_fit(values={"stretch_stiffness": 100 / 3, "shear_stiffness": 70 / 3, "bending_stiffness": 1e-5 / 7})
+    save_fit_result(path, msgspec.structs.replace(kept, history=[1 / (k + 7) for k in range(30)]))
+    whole = json.loads(path.read_text())
+    if is_edited:
+        whole["parameters"][1]["fitted"] /= 2
+    path.write_text(json.dumps(rounded(whole, ".5g")))
+    with pytest.raises(ResultError, match="was rounded or changed after it was written: all its numbers have 5 "):
+        load_fit_result(path)
+    path.write_text(json.dumps(whole | {"digest": "0" * 64, "layers": 0}))
+    with pytest.raises(ResultError, match="was changed after it was written: its content has another digest"):
+        load_fit_result(path)

@@ -28,6 +28,9 @@ LINE_COLOURS = (
     "#000000", "#00441b",
 )  # fmt: skip
 MOST_DRAWN = len(LINE_COLOURS)  # that are drawn: the held edge and eleven tracked points
+# m: least distance from the mean to either end of the axis. Sensors' noise is 3 mm at most (`formats.motion`), and
+# three standard deviations of it fit. On a smaller axis the noise of a still take looks like motion.
+LEAST_REACH = 0.01
 
 
 def paths_of(take: Take) -> tuple[str, list[str], Floats]:
@@ -59,7 +62,8 @@ def draw_in_letters(take: Take) -> str:
     way, _, paths = paths_of(take)
     lowest = 1 + int(np.argmin([point.at_m[1] for point in take.garment.points]))
     shown = paths[:, [0, lowest]]
-    reach = float(np.nanmax(np.abs(shown), initial=0.0)) or 1e-3
+    most = float(np.nanmax(np.abs(shown), initial=0.0))
+    reach = max(most, LEAST_REACH)
     span = float(take.time[-1] - take.time[0]) or 1.0
     across = ((take.time - take.time[0]) / span * (2 * LETTERS_ACROSS - 1)).astype(int)
     dots = np.zeros((LETTERS_DOWN, LETTERS_ACROSS), int)
@@ -74,10 +78,15 @@ def draw_in_letters(take: Take) -> str:
     labels = [top, *[""] * (middle - 1), "0 mm", *[""] * (LETTERS_DOWN - middle - 2), bottom]
     drawn = [f"{label:>9} {line}" for label, line in zip(labels, lines, strict=True)]
     captions = [
-        f"motion {way} over {span:.1f} s, from each path's mean",
+        f"{_motion(way, most)} over {span:.1f} s, from each path's mean",
         "dotted: the held edge; drawn through: the lowest tracked point",
     ]
     return "\n".join([*drawn, *(f"{'':>9} {line}" for line in [_instants(span), *captions])])
+
+
+def _motion(way: str, most: float) -> str:
+    """Return the title of a plot; of paths that do not fill the axis, with their largest distance `most` [m]."""
+    return f"motion {way}" if most >= LEAST_REACH else f"at most {1e3 * most:.1f} mm {way}"
 
 
 def _instants(span: float) -> str:
@@ -103,8 +112,8 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
     way, names, paths = paths_of(take)
     chosen = [0, *(1 + k for k in well_spread(np.array([p.at_m for p in take.garment.points]), MOST_DRAWN - 1))]
     paths = paths[:, chosen]
-    most = float(np.nanmax(np.abs(paths), initial=0.0)) or 1e-3
-    step = round_step(most / 2)
+    most = float(np.nanmax(np.abs(paths), initial=0.0))
+    step = round_step(max(most, LEAST_REACH) / 2)
     reach = 2 * step
     span = float(take.time[-1] - take.time[0]) or 1.0
     lines = SoftLines(FIGURE_WIDTH, FIGURE_HEIGHT)
@@ -139,7 +148,7 @@ def draw_png(take: Take, path: Path, *, overwrite: bool = False) -> None:
         pen.text((right + 12, top + 18 * number), name, fill=LINE_COLOURS[number], font=font)
     count = len(take.garment.points)
     shown = f"; {len(chosen) - 1} of {count} points" if len(chosen) - 1 < count else ""
-    title = f"motion {way}, from each path's mean; {len(take.time)} frames in {span:.1f} s{shown}"
+    title = f"{_motion(way, most)}, from each path's mean; {len(take.time)} frames in {span:.1f} s{shown}"
     pen.text((8, 6), title, fill="black", font=font)
     stream = io.BytesIO()
     picture.save(stream, "PNG")

@@ -220,7 +220,7 @@ def test_a_picture_in_letters_has_a_dot_for_each_sight():
 
 def test_a_still_take_and_a_single_frame_have_pictures_too():
     take = moved([0, 0, 0])
-    assert "+1 mm" in draw_in_letters(take)
+    assert "+10 mm" in draw_in_letters(take)
     single = replace(a_take(frames=1), time=np.array([3.0]))
     assert "over 1.0 s" in draw_in_letters(single)
 

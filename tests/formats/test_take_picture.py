@@ -102,7 +102,7 @@ def test_a_picture_of_nothing_that_moves_and_of_many_points_is_drawn(tmp_path):
         still = {"held": np.zeros((frames, 2, 3)), "points": np.zeros((frames, 4, 3))}
         take = replace(a_take(frames), points_valid=np.ones((frames, 4), bool), **still)
         draw_png(take, tmp_path / f"still-{frames}.png")
-        assert "+1 mm" in draw_in_letters(take)
+        assert "+10 mm" in draw_in_letters(take)
     assert "over 1.0 s" in draw_in_letters(take)
     many = moved([1, 0, 0.3])
     wanted = min(1 + many.points.shape[1], MOST_DRAWN)
@@ -150,9 +150,38 @@ def test_a_picture_of_a_take_in_which_nothing_was_seen_has_its_grid_alone(tmp_pa
     unseen = {name: np.full_like(getattr(take, name), np.nan) for name in ("held", "points")}
     take = replace(take, **unseen, held_valid=np.zeros((5, 2), bool), points_valid=np.zeros((5, 4), bool))
     lines = draw_in_letters(take).splitlines()
-    assert (lines[0].rstrip("\u2800 "), lines[7].rstrip("\u2800 ")) == ("    +1 mm", "    -1 mm")
+    assert (lines[0].rstrip("\u2800 "), lines[7].rstrip("\u2800 ")) == ("   +10 mm", "   -10 mm")
     assert lines[9].endswith(" over 0.1 s, from each path's mean")
     draw_png(take, tmp_path / "a.png")
     with image.open(tmp_path / "a.png") as file:
         seen = np.asarray(file)[TOP + 5 : BOTTOM - 5, LEFT + 5 : RIGHT - 5].reshape(-1, 3)
     assert {tuple(place) for place in seen.tolist()} == {(255, 255, 255), GREY}
+
+
+@pytest.mark.parametrize(
+    ("noise", "words"), [(0.0, "at most 0.0 mm "), (0.0003, "at most 0.9 mm "), (0.002, "at most ")]
+)
+def test_the_noise_of_a_still_take_fills_no_plot(tmp_path, noise, words):
+    """Paths of 3 mm or less at most fill a third of the axis; the axis and the words have their unit."""
+    image = pytest.importorskip("PIL.Image")
+    take = swaying(300)
+    shake = np.random.default_rng(4).normal(0, noise, (300, 1, 3)).clip(-0.003, 0.003)
+    take = replace(take, held=0 * take.held + [-0.2, 0, 0] + shake, points=np.repeat(shake, 4, 1),
+                   points_valid=np.ones((300, 4), bool))  # fmt: skip
+    rows = [line[10:] for line in draw_in_letters(take).splitlines()]
+    labels = [line[:9].strip() for line in draw_in_letters(take).splitlines()]
+    assert [label for label in labels if label] == ["+10 mm", "0 mm", "-10 mm"]
+    drawn = [any(letter != chr(0x2800) for letter in row) for row in rows[:8]]
+    assert not any(drawn[:2] + drawn[6:])
+    assert rows[9].startswith(words)
+    assert rows[9].endswith("mm sideways over 10.0 s, from each path's mean") or noise
+    draw_png(take, tmp_path / "a.png")
+    pixels = np.asarray(image.open(tmp_path / "a.png").convert("RGB")).astype(int)
+    inside = pixels[TOP + 2 : BOTTOM - 2, LEFT + 1 : RIGHT - 1]
+    rows_drawn = np.flatnonzero((np.ptp(inside, axis=2) > 60).any(1))  # neither white nor grey
+    assert np.ptp(rows_drawn) < (BOTTOM - TOP) / 3 + 3  # and half a line's width at either end
+
+
+def test_a_motion_of_a_centimetre_or_more_is_called_one():
+    assert "motion sideways over" in draw_in_letters(swaying())
+    assert "+50 mm" in draw_in_letters(swaying())

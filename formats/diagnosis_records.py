@@ -236,6 +236,17 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     options: dict[str, str | float] = {}  # that no other field states; none in results of older versions
     digest: str | msgspec.UnsetType = msgspec.UNSET  # in a file alone: `formats.result_digests`
 
+    @property
+    def ranked(self) -> list[EffectFinding]:
+        """The effects, by rules with probabilities only if there is a gap of which they may be causes.
+
+        Where no gap shows, no effect has a closure. Masses of `--by evidence` hold without a gap too.
+        """
+        is_by_mass = self.options.get("--by") == "evidence"
+        if is_by_mass or self.named or any(effect.closure is not None for effect in self.effects):
+            return self.effects
+        return [msgspec.structs.replace(effect, probability=None) for effect in self.effects]
+
     def __repr__(self) -> str:
         """Return one line; `sentence` says the finding."""
         takes = ", ".join(map(shortened, self.take_ids))

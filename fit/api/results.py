@@ -143,7 +143,7 @@ class DiagnosisOutcome(_Shown):
                 e.amplitude if has_size(e) else None, e.unit,
                 e.closure.value if e.closure is not None else None, e.p_value, is_refitted(e),
             )
-            for e in self.result.effects
+            for e in self.result.ranked
         ]  # fmt: skip
         return _csv(heads, rows, path, overwrite=overwrite)
 

@@ -94,7 +94,7 @@ def camera_words(result: FitResult | Diagnosis, reported: str = "", *, only_faul
 
 def effect_table(diagnosis: Diagnosis) -> Table:
     """Return a table of the tested effects, most probable first; it marks those that were screened only."""
-    tested = sorted((e for e in diagnosis.effects if e.tested), key=lambda e: -(e.probability or 0.0))
+    tested = sorted((e for e in diagnosis.ranked if e.tested), key=lambda e: -(e.probability or 0.0))
     rows = []
     for effect in tested:
         closed = f"{100 * effect.closure.value:z.0f} %" if effect.closure is not None else ""
@@ -172,7 +172,17 @@ def _added_line(finding: EffectFinding, named: list[str]) -> str:
         size = f" at {with_unit(short(finding.amplitude), finding.unit)}"
     elif ends is not None:
         size = f" ({with_unit(span_of(ends), finding.unit)}, 90 % interval)"
-    return f"With {finding.id}{size}: {closed}{p_value}."
+    return f"With {finding.id}{size}: {closed}{p_value}.{_doubt(finding, named)}"
+
+
+def _doubt(finding: EffectFinding, named: list[str]) -> str:
+    """Return a sentence on the closure of an effect whose size may be 0."""
+    ends = finding.amplitude_interval
+    if finding.closure is None or ends is None or finding.id in named or not ends[0] <= 0 <= ends[1]:
+        return ""
+    if finding.amplitude == 0 and finding.closure.value == 0:
+        return " No size of it fits the takes better than none."
+    return " Its size may be 0: that is the difference of two refits, which may end at other local minima."
 
 
 def _compared(p_value: float) -> str:

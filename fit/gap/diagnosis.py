@@ -25,6 +25,7 @@ from fit.gap.floor import noise_floor
 from fit.gap.missing_force import find_missing_force
 from fit.gap.next_experiment import propose
 from fit.gap.numerics import refine
+from fit.gap.power import hidden_beside
 from fit.gap.rounds import Rounds
 from fit.gap.verdict import decide
 from fit.gap.weighed import decide_by_mass, inclusion, weigh
@@ -167,6 +168,7 @@ def diagnose(
     )  # fmt: skip
     notes += describe_flaws([*training, *held_out])
     notes += described.unseparated(verdict.verdict, proposal)
+    notes += hidden_beside(evidence, {*verdict.named, *(k for twins in verdict.alternatives.values() for k in twins)})
     camera = describe_camera(train + test)
     gap = from_raw.with_raw(described.describe_gap(evidence, best, by_edge), raw_mm)
     diagnosis = Diagnosis(

@@ -20,6 +20,7 @@ from fit.gap.screening import groups
 from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
 from fit.search.intervals import NEAR_BOUND
+from formats.arrays import Floats
 from formats.diagnosis_records import EffectFinding, Figure, Gap, NextExperiment
 from formats.figures import short, short_beside, with_unit
 from formats.fit_records import AT_BOUND, FitParameter
@@ -29,6 +30,8 @@ from formats.plain_text import first_few, joined
 ONE_END = 0.05  # level of one end of a 90 % interval, and of the tests that agree with it
 MOST_IDENTIFIED = 0.7  # half of a 90 % interval in logarithms: a factor of two each way; our choice, as before
 NOT_SHOWN = "these takes could not have shown the effect"
+NO_SIZE = "no size of it fits the takes better than none, so it closes nothing"
+MAY_BE_NOTHING = "its size may be 0; the closure is then that between two refits, which may end at other local minima"
 CHOICE_FLATTERS = " Probabilities flatter too, because only the p-values allow for the choice among all effects."
 BASE_FIT = "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit."
 FROM_EFFECT = "One of its starts is the best refit with an effect. So another library may end it elsewhere."
@@ -106,6 +109,7 @@ def describe_effects(
         size, interval = evidence.amplitude(name, beside=beside) if sized else (size_of(amplitude), None)
         if is_tested_by_closure and interval is not None:
             interval = with_nothing(evidence, name, interval)
+        interval = within_range(effect, interval) if interval is not None else None
         moving = smallest[name][np.isfinite(smallest[name])]
         shown = moving[moving <= max(-effect.low, effect.high)]
         can_show = len(shown) > 0
@@ -117,6 +121,8 @@ def describe_effects(
             note += f", and large enough to show; --add {name} refits and tests it"
         if hypothesis:
             note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws" if weighed is None else ""
+            if not beside and not is_held:
+                note = "; ".join(filter(None, [of_no_size(amplitude, interval), note]))
         if beside:
             rest = " and ".join(evidence.observer.library[n].title for n in beside.effects if n != name)
             note = f"size beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
@@ -151,6 +157,25 @@ def describe_effects(
             )
         )
     return sorted(found, key=lambda f: (-(f.closure.value if f.closure else -9.0), -(f.explained or 0.0)))
+
+
+def within_range(effect: Effect, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return the part of an interval of an effect's size that lies in its range.
+
+    The size of an effect with directions is a length: at least 0, and at most that of all its largest components.
+    """
+    count = len(effect.components)
+    least = 0.0 if count > 1 else effect.low
+    most = max(-effect.low, effect.high) * float(np.sqrt(count)) if count > 1 else effect.high
+    return min(max(interval[0], least), most), max(min(interval[1], most), least)
+
+
+def of_no_size(amplitude: Floats, interval: tuple[float, float] | None) -> str:
+    """Return what the closure of an effect is where its size may be 0, or nothing where it is surely not."""
+    if not amplitude.any():
+        return NO_SIZE
+    may_be_nothing = interval is not None and interval[0] <= 0.0 <= interval[1]
+    return MAY_BE_NOTHING if may_be_nothing else ""
 
 
 def with_nothing(evidence: Evidence, effect: str, interval: tuple[float, float]) -> tuple[float, float]:

@@ -10,7 +10,7 @@ pursuit" (1993), with refits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -137,6 +137,23 @@ def judged(judge: Observer, fits: Sequence[Fitted]) -> list[Hypothesis]:
         return []
     residuals = judge.residuals(np.stack([f.vector for f in fits]), np.stack([f.amplitudes for f in fits]))
     return [Hypothesis(f.active, f, block_errors(judge, r)) for f, r in zip(fits, residuals, strict=True)]
+
+
+def never_worse(simpler: Hypothesis, found: Hypothesis) -> Hypothesis:
+    """Return a refit, or the simpler model with the further effects' sizes 0 where that fits no worse.
+
+    A model holds the one without its further effects. A refit that costs more has ended at a poorer local minimum. Its
+    error on other motion then differs from the simpler model's by this minimum alone, and no effect closes anything.
+    Sizes that the held edge decided stay, because their fit does not seek the least cost.
+    """
+    fitted = found.fitted
+    if fitted.pinned is not None or fitted.cost < simpler.fitted.cost:
+        return found
+    own = simpler.fitted
+    return Hypothesis(
+        found.effects,
+        replace(fitted, vector=own.vector, amplitudes=own.amplitudes, residual=own.residual), simpler.errors,
+    )  # fmt: skip
 
 
 def polishing(old: Fitted) -> Task:

@@ -14,6 +14,7 @@ show that nothing is missing. Neither do takes whose noise makes most effects of
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,18 @@ def power_of(evidence: Evidence) -> Power:
         advice = " Swing faster, or come nearer to the sensor."
         return Power("beside the noise of these takes most effects of usual size would not show", missed, advice)
     return Power("", missed)
+
+
+def hidden_beside(evidence: Evidence, named: Collection[str]) -> list[str]:
+    """Return the note on effects that these takes could not have shown beside named ones; nothing if none is named."""
+    if not named:
+        return []
+    sizes = smallest_detectable(evidence)
+    left = unseen(evidence.observer.library, {name: one for name, one in sizes.items() if name not in named})
+    if not left:
+        return []
+    listed = first_few(left, most=LISTED_COMPONENTS)
+    return [f"At their usual sizes these takes could not have shown: {listed}. So these may be missing too."]
 
 
 def imitated(evidence: Evidence, smallest: dict[str, Floats]) -> dict[str, Floats]:

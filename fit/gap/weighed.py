@@ -86,6 +86,7 @@ def weigh(rounds: Rounds, noise: Floor, refined: Refined, added: tuple[str, ...]
     asked = [name for name in rounds.screened if name in added and name not in rounds.singles]
     rounds.asked = frozenset(asked)
     rounds.refit_alone(asked)
+    rounds.keep_the_better()
     rounds.joint = [(h, 0.0) for h in opened if len(h.effects) > 1]
     return found
 

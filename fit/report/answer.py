@@ -57,7 +57,7 @@ def named(diagnosis: Diagnosis) -> str:
 
 def candidates_of(diagnosis: Diagnosis) -> list[str]:
     """Return the effects that a diagnosis names, or else those that it finds likelier than not."""
-    return diagnosis.named or [e.id for e in diagnosis.effects if (e.probability or 0.0) >= LIKELY]
+    return diagnosis.named or [e.id for e in diagnosis.ranked if (e.probability or 0.0) >= LIKELY]
 
 
 def run_names(fit: FitResult | None, diagnosis: Diagnosis | None) -> dict[str, str]:

@@ -180,7 +180,7 @@ def _diagnosis_rows(diagnosis: Diagnosis) -> dict[str, str]:
     rows["with what is named, rms"] = tenths(gap.with_effect_mm.value) if gap.with_effect_mm else NONE
     rows["sensor's noise, rms"] = tenths(gap.floor_mm.value)
     rows["share of the gap closed"] = percent(gap.closure.value) if gap.closure else NONE
-    for effect in sorted(diagnosis.effects, key=lambda e: -(e.probability or 0.0)):
+    for effect in sorted(diagnosis.ranked, key=lambda e: -(e.probability or 0.0)):
         if effect.id in diagnosis.named or (effect.probability or 0.0) >= 0.1:
             unit = "" if effect.unit in ("", "1") else f" {effect.unit}"
             chance = f", probability {in_percent(effect.probability)}" if effect.probability is not None else ""

@@ -237,8 +237,8 @@ def effects(diagnosis: Diagnosis | None) -> Markup:
     """Return the section on every effect of the library, tested or not."""
     if diagnosis is None or not diagnosis.effects:
         return NOTHING
-    refitted = [e for e in diagnosis.effects if e.closure is not None or e.id in diagnosis.named]
-    others = [e for e in diagnosis.effects if e not in refitted]
+    refitted = [e for e in diagnosis.ranked if e.closure is not None or e.id in diagnosis.named]
+    others = [e for e in diagnosis.ranked if e not in refitted]
     body = NOTHING
     if refitted:
         intro = (

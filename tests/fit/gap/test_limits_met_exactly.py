@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from fit.gap import next_experiment, rounds, weighed
+from fit.gap import first_round, next_experiment, weighed
 from fit.gap.findings import base_parameters
 from fit.gap.fitting import Problem
 from fit.gap.floor import Floor
@@ -26,7 +26,7 @@ from tests.fit.gap.named_fits import Named
 from tests.fit.gap.test_edge_verdict import told
 from tests.fit.gap.test_findings import ONE, fitted_at
 from tests.fit.gap.test_next_experiment import X, Y, proposed
-from tests.fit.gap.test_posterior_by_hand import linear, likelihood, world  # noqa: F401
+from tests.fit.gap.test_posterior_by_hand import likelihood, linear, world  # noqa: F401
 from tests.fit.gap.verdict_scene import KINDS, evidence_of, hypothesis, signature, with_edge
 
 
@@ -99,10 +99,10 @@ def test_each_fit_that_is_continued_keeps_the_ends_of_its_own_starts(monkeypatch
     search.observer, search.kept = None, Named()
     one, other = (SimpleNamespace(active=(name,), cost=cost) for name, cost in (("hem", 9.0), ("draught", 8.0)))
     costs = {"hem": [9.0, 7.0], "draught": [8.0, 5.0]}
-    monkeypatch.setattr(rounds, "polishing", lambda fitted: (fitted.active, 0))
-    monkeypatch.setattr(rounds, "across_valleys", lambda observer, fitted: [(fitted.active, 1)])
+    monkeypatch.setattr(first_round, "polishing", lambda fitted: (fitted.active, 0))
+    monkeypatch.setattr(first_round, "across_valleys", lambda observer, fitted: [(fitted.active, 1)])
     monkeypatch.setattr(
-        rounds, "fit",
+        first_round, "fit",
         lambda observer, tasks: [SimpleNamespace(active=active, cost=costs[active[0]][n]) for active, n in tasks],
     )  # fmt: skip
     found = search._fitted_on([one, other])
@@ -113,7 +113,7 @@ def test_each_fit_that_is_continued_keeps_the_ends_of_its_own_starts(monkeypatch
 def screened(monkeypatch):
     """What each screening is given as known; screening itself stays as it is."""
     given = []
-    for module in (rounds, weighed):
+    for module in (first_round, weighed):
         own = module.screen
 
         def told(observer, fitted, chosen, known=None, own=own):

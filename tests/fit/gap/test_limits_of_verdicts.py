@@ -89,7 +89,8 @@ def test_of_three_effects_the_middle_ones_size_beside_both_does_not_matter():
 
 
 @pytest.mark.parametrize(("squares", "said"), [
-    (1050, "but the evidence is too weak to name it."), (1500, "which this effect alone does not explain."),
+    (1050, "but the evidence is too weak to name it: another effect puts the edge nearer."),
+    (1500, "which this effect alone does not explain."),
 ])  # fmt: skip
 def test_an_unnamed_effect_explains_the_held_edge_or_leaves_it_off(squares, said):
     evidence = evidence_of({"clip_slack": 11.9})

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import j0, jn_zeros
 
-from fit.gap import rounds
+from fit.gap import first_round
 from fit.gap.closure import BlockErrors
 from fit.gap.correlation import effective_count
 from fit.gap.detectable import MESH_SHARE
@@ -83,7 +83,7 @@ def test_an_effect_that_was_screened_alone_and_could_not_show_is_said_to_be_beyo
 def test_refits_are_kept_by_the_names_of_their_effects(monkeypatch):
     names, kept = [], Named()
     monkeypatch.setattr(kept, "recall", lambda wanted, go: names.extend(wanted) or [])
-    monkeypatch.setattr(rounds, "judged", lambda judge, fits: [])
+    monkeypatch.setattr(first_round, "judged", lambda judge, fits: [])
     search = SimpleNamespace(observer=None, judge=None, kept=kept)
     start = SimpleNamespace(active=("air_drag",))
     Rounds._refit(search, start, {}, ["hem"])

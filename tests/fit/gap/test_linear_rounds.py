@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fit.gap import from_raw
+from fit.gap import first_round, from_raw
 from fit.gap import rounds as module
 from fit.gap.fitting import Pinned
 from fit.gap.floor import Floor
@@ -145,7 +145,7 @@ def test_sizes_that_the_held_edge_disputes_are_fitted_again_and_the_others_are_k
 
     recall = search.kept.recall
     monkeypatch.setattr(search.kept, "recall", lambda wanted, go: names.extend(wanted) or recall(wanted, go))
-    monkeypatch.setattr(module, "disputed", disputed)
+    monkeypatch.setattr(first_round, "disputed", disputed)
     before = dict(search.singles)
     search.sizes_by_edge(0.4)
     assert list(search.singles) == list(before)
@@ -165,7 +165,7 @@ def test_sizes_that_the_held_edge_disputes_are_fitted_again_and_the_others_are_k
 
 def test_effects_that_the_edge_leads_to_come_after_the_promising_ones_and_once(world, monkeypatch):
     search, _ = rounds_of(world)
-    monkeypatch.setattr(module, "leads", lambda observer, screened, residual: ["hem", "draught"])
+    monkeypatch.setattr(first_round, "leads", lambda observer, screened, residual: ["hem", "draught"])
     assert search._and_leads(["air_drag", "hem"], {}, search.base.fitted) == ["air_drag", "hem", "draught"]
 
 

@@ -12,7 +12,7 @@ import pytest
 from fit.cloth.model import Resolution
 from fit.effects import find_effects
 from fit.errors import FitError
-from fit.gap import base_fit, diagnosis, rounds
+from fit.gap import base_fit, diagnosis, first_round
 from tests.fit.scenes import hung, sheet, swing, take_of
 
 TIME = np.arange(0, 2.0, 1 / 30)
@@ -33,7 +33,7 @@ def test_the_stages_of_a_diagnosis_rise_from_0_to_100_percent():
     """The base fit and the rounds of effects run between stages of the diagnosis."""
     begin, noise, mesh, *rest = shares_of(diagnosis)
     assert len(rest) == 5
-    stages = [begin, *shares_of(base_fit), noise, *shares_of(rounds), mesh, *rest]
+    stages = [begin, *shares_of(base_fit), noise, *shares_of(first_round), mesh, *rest]
     assert len(stages) == 12
     assert (stages[0], stages[-1]) == (0.0, 1.0)
     assert all(earlier < later for earlier, later in pairwise(stages))

@@ -10,7 +10,7 @@ import pytest
 
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY
-from fit.gap import rounds
+from fit.gap import first_round, rounds
 from fit.gap.closure import gain_p_value
 from fit.gap.fitting import Pinned
 from fit.gap.hypotheses import Hypothesis, further
@@ -136,9 +136,9 @@ def test_of_a_fit_and_its_ends_across_the_valleys_the_cheapest_counts(monkeypatc
         asked.append(tasks)
         return [SimpleNamespace(active=(name,), cost=costs[name]) for name in tasks]
 
-    monkeypatch.setattr(rounds, "fit", fitted)
-    monkeypatch.setattr(rounds, "polishing", lambda one: one.active[0])
-    monkeypatch.setattr(rounds, "across_valleys", lambda observer, one: across[one.active[0]])
+    monkeypatch.setattr(first_round, "fit", fitted)
+    monkeypatch.setattr(first_round, "polishing", lambda one: one.active[0])
+    monkeypatch.setattr(first_round, "across_valleys", lambda observer, one: across[one.active[0]])
     begun = [SimpleNamespace(active=(name,)) for name in "abc"]
     assert [one.cost for one in search._fitted_on(begun)] == [8.0, 7.0, 5.0]
     assert asked == [["a", "b", "c"], ["a1", "a2", "b1"]]
@@ -390,9 +390,9 @@ def test_the_cheapest_fit_is_continued_and_the_one_that_misses_the_held_out_moti
     search.tested, search.fits, search.progress = tuple(found), [search.base.fitted], lambda stage, share: None
     search.kept = SimpleNamespace(recall=lambda names, go: [with_cost(search.base, 101.0).fitted])
     continued = []
-    monkeypatch.setattr(rounds, "screen", lambda *given: like(air_drag=1.0, hem=0.5, draught=0.1))
-    monkeypatch.setattr(rounds, "shortlist", lambda screened: list(screened))
-    monkeypatch.setattr(rounds, "judged", judged_at(6.0))
+    monkeypatch.setattr(first_round, "screen", lambda *given: like(air_drag=1.0, hem=0.5, draught=0.1))
+    monkeypatch.setattr(first_round, "shortlist", lambda screened: list(screened))
+    monkeypatch.setattr(first_round, "judged", judged_at(6.0))
     monkeypatch.setattr(Rounds, "_and_leads", lambda self, names, screened, before: names)
     monkeypatch.setattr(Rounds, "refit_alone", lambda self, names: self.singles.update(found))
     monkeypatch.setattr(Rounds, "_fitted_on", lambda self, fits: continued.extend(f.active for f in fits) or fits)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from fit.gap import next_experiment, rounds
+from fit.gap import first_round, next_experiment, rounds
 from fit.gap.edge_fit import disputed
 from fit.gap.fitting import Pinned
 from fit.gap.likelihood import Likelihood
@@ -71,7 +71,7 @@ def test_an_effect_that_the_edge_leads_to_is_refitted_beside_the_shortlist(monke
         asked.append(residual)
         return ["draught"]
 
-    monkeypatch.setattr(rounds, "leads", leads)
+    monkeypatch.setattr(first_round, "leads", leads)
     search.first_round((), has_gap=True)
     assert list(search.singles)[-1] == "draught"
     assert asked[0] is base.residual
@@ -82,10 +82,10 @@ def test_a_size_that_the_edge_disputes_is_fitted_again_from_the_edges_size(monke
     search.observer.layout = SimpleNamespace(is_edge=np.ones(3, bool))
     search.kept = Named()
     pinned = Pinned(np.full(50, 0.7), np.ones(50), 2.0)
-    monkeypatch.setattr(rounds, "trust_in_edge", lambda observer, numerics: 1.0)
-    monkeypatch.setattr(rounds, "disputed", lambda *given: pinned)
-    monkeypatch.setattr(rounds, "fit", lambda observer, tasks: asked.extend(tasks) or ["again"])
-    monkeypatch.setattr(rounds, "judged", lambda judge, fits: fits)
+    monkeypatch.setattr(first_round, "trust_in_edge", lambda observer, numerics: 1.0)
+    monkeypatch.setattr(first_round, "disputed", lambda *given: pinned)
+    monkeypatch.setattr(first_round, "fit", lambda observer, tasks: asked.extend(tasks) or ["again"])
+    monkeypatch.setattr(first_round, "judged", lambda judge, fits: fits)
     assert search._by_edge(list(search.singles.values()), 0.4) == ["again"]
     (task,) = asked
     assert task.amplitudes is pinned.amplitudes
@@ -146,9 +146,9 @@ def test_further_effects_are_refitted_and_tested_from_their_start_unless_the_edg
     monkeypatch.setattr(rounds, "screen", screened)
     monkeypatch.setattr(rounds, "further", lambda given, most: ["hem"])
     monkeypatch.setattr(Rounds, "_and_leads", lambda self, names, given, before: names)
-    monkeypatch.setattr(rounds, "refits", refits)
-    monkeypatch.setattr(rounds, "fit", lambda observer, tasks: [joint.fitted])
-    monkeypatch.setattr(rounds, "judged", lambda judge, fits: [joint])
+    monkeypatch.setattr(first_round, "refits", refits)
+    monkeypatch.setattr(first_round, "fit", lambda observer, tasks: [joint.fitted])
+    monkeypatch.setattr(first_round, "judged", lambda judge, fits: [joint])
     monkeypatch.setattr(rounds, "is_refuted_by_edge", lambda base, before, found: (
         is_refuted and base is search.base and before is start and found is joint))  # fmt: skip
     monkeypatch.setattr(Rounds, "_p_value", lambda self, before, found, count, floor: (before is start, count, floor))

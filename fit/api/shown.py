@@ -182,7 +182,7 @@ def _doubt(finding: EffectFinding, named: list[str]) -> str:
         return ""
     if finding.amplitude == 0 and finding.closure.value == 0:
         return " No size of it fits the takes better than none."
-    return " Its size may be 0: that is the difference of two refits, which may end at other local minima."
+    return " Its size may be 0, and that the difference of two refits, which may end at other local minima."
 
 
 def _compared(p_value: float) -> str:

@@ -34,7 +34,7 @@ def needed_mm2(evidence: Evidence, effect: str) -> float:
     """Return the mean squared motion [mm^2] by which an effect must move the points by the verdict's rules.
 
     An effect is named only if it removes more than a share of mesh and solver error. The gap must also be clearly above
-    the noise (`fit.gap.verdict`).
+    the noise (`fit.gap.passing`).
     """
     share = mesh_share(evidence.observer.library[effect])
     return max(share * evidence.numerics_mm**2, (SIGNIFICANT_GAP - 1) * evidence.floor_mm**2)

@@ -31,7 +31,7 @@ ONE_END = 0.05  # level of one end of a 90 % interval, and of the tests that agr
 MOST_IDENTIFIED = 0.7  # half of a 90 % interval in logarithms: a factor of two each way; our choice, as before
 NOT_SHOWN = "these takes could not have shown the effect"
 NO_SIZE = "no size of it fits the takes better than none, so it closes nothing"
-MAY_BE_NOTHING = "its size may be 0; the closure is then that between two refits, which may end at other local minima"
+MAY_BE_NOTHING = "its size may be 0, and its closure the difference of two refits, which may end at other local minima"
 CHOICE_FLATTERS = " Probabilities flatter too, because only the p-values allow for the choice among all effects."
 BASE_FIT = "The base model is fitted by a search of the diagnosis' own, so its values may differ from those of a fit."
 FROM_EFFECT = "One of its starts is the best refit with an effect. So another library may end it elsewhere."
@@ -133,7 +133,8 @@ def describe_effects(
         elif not can_show and not beside:
             ends = short_beside(float(moving.min()), max(-effect.low, effect.high))
             least, most = (with_unit(end, effect.unit) for end in ends)
-            beyond = f"{NOT_SHOWN}: only from {least} on would it show, and its range ends at {most}"
+            each = " in each direction" if len(moving) > 1 else ""
+            beyond = f"{NOT_SHOWN}: only from {least} on would it show, and its range ends at {most}{each}"
             note = "; ".join(filter(None, [note if sized else "", beyond]))  # `has_size` reads how a note begins
         found.append(
             EffectFinding(

@@ -36,6 +36,7 @@ from fit.gap.evidence import LAW_DEVIATIONS
 from fit.gap.fitting import COST_TOLERANCE, Fitted, Problem, Task
 from fit.gap.hypotheses import polishing
 from fit.gap.likelihood import Likelihood
+from fit.gap.passing import is_brought
 from fit.gap.screening import GROUP_COSINE
 from fit.gap.subsets import (
     MOST_EFFECTS,
@@ -48,7 +49,6 @@ from fit.gap.subsets import (
     subsets,
     summed_out,
 )
-from fit.gap.verdict import is_brought
 from fit.observer.edge import LEAST_BY_LAW
 from fit.observer.residuals import Observer
 from fit.observer.simulation_error import FREE_DIRECTIONS

@@ -26,9 +26,10 @@ from fit.gap.fitting import Task, fit
 from fit.gap.floor import Floor
 from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged
 from fit.gap.numerics import Refined
+from fit.gap.passing import FAMILY_WISE_LEVEL, is_brought, may_be_added
 from fit.gap.screening import GROUP_COSINE, cosine, screen, with_amplitude
 from fit.gap.subsets import MOST_EFFECTS
-from fit.gap.verdict import FAMILY_WISE_LEVEL, Verdict, is_brought, may_be_added
+from fit.gap.verdict import Verdict
 from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from fit.observer.simulation_error import wrong_by_mesh
 from formats.diagnosis_records import Gate
@@ -197,7 +198,7 @@ class Rounds(FirstRound):
     ) -> list[tuple[Hypothesis, float]]:
         """Refit with one more effect each, the most promising or `chosen` ones; return hypotheses with p-values.
 
-        Effects that a law of the start's effects may contain are left out (`fit.gap.verdict.is_brought`). So are
+        Effects that a law of the start's effects may contain are left out (`fit.gap.passing.is_brought`). So are
         effects that would move the held edge away from the tracked one.
         """
         library = self.observer.library

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from fit.gap.closure import SIGNIFICANT_GAP, gain_p_value
-from fit.gap.detectable import mesh_share
+from fit.gap.closure import SIGNIFICANT_GAP
 from fit.gap.edge_words import describe_held_edge, edge_says, still_off
 from fit.gap.evidence import (
     NEAR,
@@ -14,47 +13,30 @@ from fit.gap.evidence import (
     RIVAL,
     SMALLEST_CLOSURE,
     Evidence,
-    best_of,
-    closes_enough,
     is_at_bound,
-    is_refuted_by_edge,
-    is_shown_by_edge,
 )
-from fit.gap.fitting import Fitted, amplitude_of, excludes_zero
 from fit.gap.hypotheses import Hypothesis
+from fit.gap.passing import (
+    FAMILY_WISE_LEVEL,
+    closed_by,
+    effects_identified_by_edge,
+    is_near,
+    likely_ones,
+    needed_together,
+    passing_effects,
+    what_lacks,
+)
 from fit.gap.power import power_of
 from fit.gap.probabilities import probabilities
 from fit.observer.edge import is_edge_explained
-from fit.observer.residuals import Observer
 from formats import figures
 from formats.diagnosis_records import LIKELY, Figure, in_percent, place_of
 from formats.plain_text import counted, joined
 
-# Probability of any wrong rejection among the refitted effects (Bonferroni); our choice: as is usual.
-FAMILY_WISE_LEVEL = 0.05
 CLEAR_WIN = 0.8  # share of bootstrap draws in which the winner beats every other effect; our choice: as `SURE`
-# Of the gap: lower end of the closure's interval where no effect passes alone; our choice: surely most of it.
-SURELY_CLOSED = 0.5
 MOSTLY_MESH = 0.5  # of an unexplained gap; our choice: if mesh and solver make most of it, it is `numerics`
 # Probability of a plain sentence, at least; one with `probably` needs LIKELY. Our choice: wrong in one of five at most.
 SURE = 0.8
-
-
-def may_be_added(observer: Observer, hypothesis: Hypothesis, p_value: float) -> bool:
-    """Return whether a hypothesis' last effect is significant, certainly not zero, and within its physical range."""
-    _, interval = amplitude_of(hypothesis.fitted, observer, hypothesis.effects[-1])
-    is_sure = p_value < FAMILY_WISE_LEVEL and excludes_zero(interval) and not is_at_bound(observer, hypothesis)
-    return is_sure and not any(is_brought(observer, hypothesis.fitted, k) for k in hypothesis.effects)
-
-
-def is_brought(observer: Observer, fitted: Fitted, effect: str) -> bool:
-    """Return whether an effect of a fit may be only part of another effect's law."""
-    brought = 0.0
-    for other in fitted.active:
-        share = dict(observer.library[other].brings).get(observer.library[effect].name, 0.0)
-        brought += share * amplitude_of(fitted, observer, other)[0]
-    _, (low, _) = amplitude_of(fitted, observer, effect)
-    return brought > 0.0 and low <= brought
 
 
 @dataclass(frozen=True)
@@ -85,9 +67,9 @@ def decide(evidence: Evidence) -> Verdict:
     noise, mesh = evidence.floor_mm**2, evidence.numerics_mm**2
     has_gap = evidence.exceeds(noise) and evidence.is_predictable
     passing = passing_effects(evidence) if has_gap else effects_identified_by_edge(evidence)
-    several = _several(evidence, passing) if has_gap else None
+    several = needed_together(evidence, passing) if has_gap else None
     if several is None:
-        passing = _likely(evidence, passing)
+        passing = likely_ones(evidence, passing)
     if not passing and not (has_gap and evidence.exceeds(noise + mesh)):
         if evidence.base.errors.squared_mm > SIGNIFICANT_GAP * (noise + mesh):
             unsure = "The error exceeds noise and mesh, but differs too much between half-seconds to be sure"
@@ -104,7 +86,7 @@ def decide(evidence: Evidence) -> Verdict:
         return Verdict("numerics", [], f"Refine first: {coarse.sentence} {numbers}")
     if several is not None and (evidence.explains_enough(several) or not identified):
         return _name_several(evidence, several)
-    passing = _likely(evidence, passing)
+    passing = likely_ones(evidence, passing)
     if not passing and evidence.is_coarse and mesh > MOSTLY_MESH * evidence.gap_mm2:
         most = f"mesh and solver may be wrong by {evidence.numerics_mm:.1f} mm, and most of the gap may be that"
         return Verdict("numerics", [], f"Refine first, by a smaller spacing of the mesh: {most}. {numbers}")
@@ -126,8 +108,8 @@ def decide(evidence: Evidence) -> Verdict:
         for k in passing[1:]
         if (k in identified or best not in identified)
         and (
-            (shares[best] < CLEAR_WIN and shares[k] >= RIVAL and _near(evidence, best, k, NEAR))
-            or (evidence.alike(best, k) and _near(evidence, best, k, NEAR_TWIN))
+            (shares[best] < CLEAR_WIN and shares[k] >= RIVAL and is_near(evidence, best, k, NEAR))
+            or (evidence.alike(best, k) and is_near(evidence, best, k, NEAR_TWIN))
         )
     ]
     if rivals:
@@ -193,11 +175,6 @@ def beyond_all(closed: Figure) -> str:
     return " (above 100 %: less is left than the noise was estimated to be)" if is_beyond else ""
 
 
-def _closed(evidence: Evidence, effect: str) -> float:
-    closed = evidence.closure_of(evidence.singles[effect])
-    return closed.value if closed is not None else 0.0
-
-
 def _unnamed(evidence: Evidence) -> str:
     """Word the verdict without a named effect, and mention the nearest effect with too weak evidence."""
     near = [
@@ -206,7 +183,7 @@ def _unnamed(evidence: Evidence) -> str:
     ]  # fmt: skip
     if not near:
         return "There is a gap that no effect in the library explains."
-    best = max(near, key=lambda k: _closed(evidence, k))
+    best = max(near, key=lambda k: closed_by(evidence, k))
     title, closed = evidence.observer.library[best].title, evidence.closure_of(evidence.singles[best])
     assert closed is not None
     low, high = closed.interval or (closed.value, closed.value)
@@ -217,22 +194,6 @@ def _unnamed(evidence: Evidence) -> str:
         f"{share} % of it [{100 * low:z.0f} to {100 * high:z.0f} %]{beyond_all(closed)}, but the "
         f"evidence is too weak to name it: {lacking}.{_likely_all_the_same(evidence, best)}"
     )
-
-
-def what_lacks(evidence: Evidence, effect: str) -> list[str]:
-    """Return what a refitted effect lacks to be named: each test that it fails, nothing if it passes all."""
-    hypothesis, p_value = evidence.singles[effect], evidence.p_value(effect)
-    closed, (_, interval) = evidence.closure_of(hypothesis), evidence.amplitude(effect, any_law=False)
-    gain = evidence.base.errors.squared_mm - hypothesis.errors.squared_mm
-    least = mesh_share(evidence.observer.library[effect]) * evidence.numerics_mm**2
-    shown, level = figures.beside(p_value, FAMILY_WISE_LEVEL, 2)
-    failed = {
-        f"p is {shown} where less than {level} is needed": p_value >= FAMILY_WISE_LEVEL,
-        "its size may be 0, as far as noise, mesh and solver can tell": not excludes_zero(interval),
-        "it removes no more error than mesh and solver may make": gain <= least,
-        f"less than {100 * SMALLEST_CLOSURE:.0f} % is too little": closed is None or closed.value < SMALLEST_CLOSURE,
-    }
-    return [said for said, fails in failed.items() if fails]
 
 
 def _likely_all_the_same(evidence: Evidence, effect: str) -> str:
@@ -248,84 +209,6 @@ def _likely_all_the_same(evidence: Evidence, effect: str) -> str:
     return (
         f" The p-value allows for the choice among {family} on the takes they are judged on. Its probability of "
         f"{in_percent(chance)} does not: it ranks the library's effects. A held-out take needs no such allowance."
-    )
-
-
-def passing_effects(evidence: Evidence) -> list[str]:
-    """Return the effects that the held edge identifies, then those that pass every test, each sorted by closure."""
-    passing = []
-    for k, hypothesis in evidence.singles.items():
-        if k in evidence.identified_by_edge:
-            continue
-        closed = evidence.closure_of(hypothesis)
-        if closed is None or k in evidence.contradicted or is_at_bound(evidence.observer, hypothesis):
-            continue
-        if not what_lacks(evidence, k):
-            passing.append((closed.value, k))
-    return effects_identified_by_edge(evidence) + [k for _, k in sorted(passing, reverse=True)]
-
-
-def effects_identified_by_edge(evidence: Evidence) -> list[str]:
-    """Return the effects that the held edge identifies, largest closure first."""
-    return sorted(evidence.identified_by_edge, key=lambda name: (-_closed(evidence, name), name))
-
-
-def _likely(evidence: Evidence, passing: list[str]) -> list[str]:
-    """Return the passing effects if most draws name one, else only those that the held edge identifies."""
-    is_likely = sum(float(evidence.worth_naming[k].mean()) for k in passing) >= LIKELY
-    return passing if is_likely else [k for k in passing if k in evidence.identified_by_edge]
-
-
-def _near(evidence: Evidence, best: str, other: str, share: float) -> bool:
-    """Return whether another effect closes at least a share of the best one's closure."""
-    first, second = evidence.closure_of(evidence.singles[best]), evidence.closure_of(evidence.singles[other])
-    return first is not None and second is not None and second.value > share * first.value
-
-
-def _several(evidence: Evidence, passing: list[str]) -> Hypothesis | None:
-    """Return the largest joint hypothesis in which every added effect was needed, if one effect passes alone.
-
-    If none passes alone because each hides the other, both together must certainly close half of the gap.
-    """
-    if not evidence.joint:
-        return None
-    accepted: Hypothesis | None = None
-    before = best_of(evidence.observer, evidence.singles)[0]
-    gap = evidence.gap_mm2
-    for hypothesis, p_value in evidence.joint:
-        is_enough = closes_enough(evidence.observer, gap, before, hypothesis, evidence.floor_mm)
-        added = evidence.observer.library[hypothesis.effects[-1]]
-        saved = before.errors.squared_mm - hypothesis.errors.squared_mm
-        is_resolved = saved > mesh_share(added) * evidence.numerics_mm**2
-        is_seen = is_shown_by_edge(evidence.observer, evidence.base, before, hypothesis)
-        # An effect that the held edge shows may have zero closure, but must not certainly increase the error.
-        is_shown = is_seen and gain_p_value(hypothesis.errors, before.errors, evidence.floor_mm) >= FAMILY_WISE_LEVEL
-        # As for the first effect, its size must exceed the error of noise, mesh and solver.
-        _, interval = evidence.amplitude(hypothesis.effects[-1], beside=hypothesis, any_law=False)
-        is_certain = gain_p_value(before.errors, hypothesis.errors, evidence.floor_mm) < FAMILY_WISE_LEVEL
-        closes = is_certain and is_enough and is_resolved and excludes_zero(interval)
-        closes = closes and not evidence.is_law_of(before, hypothesis)
-        is_needed = (closes or is_shown) and _adds_to_identified(evidence, hypothesis, gap)
-        is_needed = is_needed and not is_refuted_by_edge(evidence.base, before, hypothesis)
-        is_needed = is_needed and not any(
-            evidence.observer.library[k].differs_by_solver and k not in passing for k in hypothesis.effects
-        )
-        if not may_be_added(evidence.observer, hypothesis, p_value) or not is_needed:
-            break
-        accepted = before = hypothesis
-    if accepted is None or set(accepted.effects) & set(passing):
-        return accepted
-    closed = evidence.closure_of(accepted)
-    return accepted if closed and closed.interval and closed.interval[0] >= SURELY_CLOSED else None
-
-
-def _adds_to_identified(evidence: Evidence, pair: Hypothesis, gap: float) -> bool:
-    """Return whether two effects are both needed if the held edge identifies one of them, which is certain."""
-    identified = [evidence.singles[k] for k in evidence.identified_by_edge & set(pair.effects)]
-    return len(pair.effects) > 2 or all(
-        closes_enough(evidence.observer, gap, alone, pair, evidence.floor_mm)
-        or is_shown_by_edge(evidence.observer, evidence.base, alone, pair)
-        for alone in identified
     )
 
 

@@ -30,10 +30,11 @@ from fit.gap.fitting import Fitted, Task, excludes_zero, fit
 from fit.gap.floor import Floor, measured_noise
 from fit.gap.hypotheses import Hypothesis, judged
 from fit.gap.numerics import Refined
+from fit.gap.passing import is_brought
 from fit.gap.posterior import Found, Mass, Search, Subset
 from fit.gap.rounds import Rounds
 from fit.gap.screening import screen
-from fit.gap.verdict import Verdict, gap_numbers, is_brought, lacks, no_gap, share_closed, with_unit
+from fit.gap.verdict import Verdict, gap_numbers, lacks, no_gap, share_closed, with_unit
 from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from fit.observer.residuals import Observer
 from formats.arrays import Floats

@@ -9,8 +9,9 @@ import pytest
 
 from fit.gap.edge_words import _beside, _contradicted
 from fit.gap.evidence import Evidence, edge_left_by_law
+from fit.gap.passing import passing_effects
 from fit.gap.probabilities import probabilities
-from fit.gap.verdict import decide, passing_effects
+from fit.gap.verdict import decide
 from fit.observer.edge import is_seen_on_edge
 from tests.fit.gap.verdict_scene import CHAOTIC, COARSE, KINDS, STILL, evidence_of, hypothesis, with_edge
 

@@ -22,7 +22,8 @@ from fit.gap.evidence import (
     wrong_by_mesh,
 )
 from fit.gap.fitting import Pinned
-from fit.gap.verdict import decide, passing_effects
+from fit.gap.passing import passing_effects
+from fit.gap.verdict import decide
 from tests.fit.gap.verdict_scene import EFFECTS, KINDS, evidence_of, hypothesis, signature
 
 OBSERVER = SimpleNamespace(**EFFECTS)

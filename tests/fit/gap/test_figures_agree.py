@@ -10,8 +10,9 @@ import pytest
 
 from fit.gap.closure import BlockErrors, gain_p_value
 from fit.gap.findings import alike_ends, base_parameters, describe_effects, with_nothing
+from fit.gap.passing import FAMILY_WISE_LEVEL, what_lacks
 from fit.gap.probabilities import probabilities
-from fit.gap.verdict import FAMILY_WISE_LEVEL, _unnamed, decide, what_lacks
+from fit.gap.verdict import _unnamed, decide
 from fit.methods import SI
 from formats.diagnosis_records import in_percent
 from tests.fit.gap.verdict_scene import BLOCKS, KINDS, evidence_of, hypothesis, like

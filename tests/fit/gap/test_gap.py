@@ -193,7 +193,7 @@ def test_two_effects_of_which_neither_passes_alone_are_tried_together(monkeypatc
 
     Without the second effect, the verdict would be `unknown`.
     """
-    monkeypatch.setattr("fit.gap.verdict.SMALLEST_CLOSURE", 0.6)
+    monkeypatch.setattr("fit.gap.passing.SMALLEST_CLOSURE", 0.6)
     training, judging = of_a_drifting_clock_and_an_offset()
     found = diagnose([training], [judging], resolution=COARSE).diagnosis
     assert {f.id for f in found.effects if f.closure and 0.25 < f.closure.value < 0.6} >= set(found.named)

@@ -15,9 +15,10 @@ from fit.gap.correlation import Ringing
 from fit.gap.detectable import MESH_SHARE
 from fit.gap.edge_fit import LARGEST_AMPLITUDE, detectable_on_edge, leads
 from fit.gap.likelihood import Likelihood, _root, _series_of_edges, shapes_of
+from fit.gap.passing import is_brought
 from fit.gap.rounds import RIVAL_SHARE, Rounds
 from fit.gap.subsets import log_share
-from fit.gap.verdict import Verdict, is_brought
+from fit.gap.verdict import Verdict
 from fit.gap.weighed import LEAST_P_VALUE, decide_by_mass, limited, weigh
 from fit.gap.where import find_where
 from fit.methods import SI
@@ -268,6 +269,7 @@ def test_each_refit_of_a_search_by_evidence_is_judged_once(monkeypatch):
         monkeypatch.setattr(f"fit.gap.weighed.{name}", value)
     rounds = SimpleNamespace(
         observer=None, base=SimpleNamespace(fitted=base), tested=[], judge=None, refit_alone=lambda names: None,
+        keep_the_better=lambda: None,
     )  # fmt: skip
     weigh(rounds, None, None, ())
     assert asked == [hem, pair]

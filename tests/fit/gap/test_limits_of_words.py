@@ -21,19 +21,13 @@ from fit.gap.gates import CONVERGED
 from fit.gap.hypotheses import _starts_of_refit, further
 from fit.gap.likelihood import shapes_of
 from fit.gap.next_experiment import _inflation
+from fit.gap.passing import FAMILY_WISE_LEVEL, effects_identified_by_edge, may_be_added, what_lacks
 from fit.gap.posterior import Linear
 from fit.gap.power import Power
 from fit.gap.probabilities import probabilities
 from fit.gap.rounds import Rounds
 from fit.gap.screening import screen
-from fit.gap.verdict import (
-    FAMILY_WISE_LEVEL,
-    _likely_all_the_same,
-    decide,
-    effects_identified_by_edge,
-    may_be_added,
-    what_lacks,
-)
+from fit.gap.verdict import _likely_all_the_same, decide
 from fit.gap.weighed import decide_by_mass, known_error_mm, limited
 from fit.gap.where import _phases
 from fit.methods import SI

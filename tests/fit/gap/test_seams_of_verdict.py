@@ -12,8 +12,9 @@ import pytest
 from fit.gap.closure import BlockErrors, Resampling, gain_p_value
 from fit.gap.edge_driven import sentence
 from fit.gap.evidence import closes_enough, is_shown_by_edge
+from fit.gap.passing import may_be_added, passing_effects
 from fit.gap.probabilities import probabilities
-from fit.gap.verdict import decide, may_be_added, passing_effects
+from fit.gap.verdict import decide
 from fit.gap.weighed import decide_by_mass
 from tests.fit.gap.test_weighed import found_of
 from tests.fit.gap.verdict_scene import COARSE, EFFECTS, KINDS, UNSETTLED, evidence_of, hypothesis, like, with_edge

@@ -131,6 +131,6 @@ def test_a_requested_effect_that_is_not_there_is_told_as_what_it_is():
     told = as_text(diagnosis_tables(found, tuple(one.id for one in nothing)))
     for one in nothing:
         assert one.note.startswith((NO_SIZE, MAY_BE_NOTHING))
-        doubt = "No size of it fits" if one.note.startswith(NO_SIZE) else "Its size may be 0: that is the difference"
+        doubt = "No size of it fits" if one.note.startswith(NO_SIZE) else "Its size may be 0, and that the difference"
         (line,) = [line for line in told.splitlines() if line.startswith(f"With {one.id} ")]
         assert doubt in line

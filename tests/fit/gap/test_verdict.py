@@ -11,9 +11,10 @@ from scipy.stats import t as student
 from fit.cloth.effect import amplitudes_of
 from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
+from fit.gap.passing import FAMILY_WISE_LEVEL, may_be_added, passing_effects
 from fit.gap.probabilities import LEFT_WIDTH, ODDS, SHARE_LEFT, probabilities
 from fit.gap.rounds import Rounds
-from fit.gap.verdict import FAMILY_WISE_LEVEL, _unnamed, decide, lacks, may_be_added, passing_effects
+from fit.gap.verdict import _unnamed, decide, lacks
 from formats.diagnosis_records import in_percent
 from tests.fit.gap.verdict_scene import BLOCKS, COARSE, STILL, UNSETTLED, evidence_of, hypothesis, signature
 

@@ -12,7 +12,8 @@ from fit.effects import LIBRARY, find_effects
 from fit.gap.closure import BlockErrors
 from fit.gap.evidence import Evidence, is_worth_adding, least_gain, share_in_median_block
 from fit.gap.findings import describe_effects
-from fit.gap.verdict import _adds_to_identified, _closed, _name_several, decide, gap_numbers
+from fit.gap.passing import _adds_to_identified, closed_by
+from fit.gap.verdict import _name_several, decide, gap_numbers
 from fit.methods import SI
 from tests.fit.gap.verdict_scene import BLOCKS, COARSE, KINDS, errors, evidence_of, hypothesis
 
@@ -265,4 +266,4 @@ def test_two_effects_must_add_to_the_one_that_the_held_edge_identifies_and_three
 
 
 def test_where_hardly_a_gap_is_an_effect_closes_nothing():
-    assert _closed(evidence_of({"hem": 4.0}, base=5.0), "hem") == 0.0
+    assert closed_by(evidence_of({"hem": 4.0}, base=5.0), "hem") == 0.0

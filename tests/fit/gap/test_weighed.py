@@ -288,6 +288,7 @@ def test_effects_that_are_not_there_yet_are_screened_again_and_fits_are_told_by_
     tested = ["air_drag", "hem", "time_offset"]
     rounds = SimpleNamespace(
         observer=None, base=SimpleNamespace(fitted=base), tested=tested, judge=None, refit_alone=lambda names: None,
+        keep_the_better=lambda: None,
     )  # fmt: skip
     weigh(rounds, None, None, ())
     assert screened == [(base, tested), (hem, ["air_drag", "time_offset"])]

@@ -50,9 +50,35 @@ def test_an_export_takes_its_own_endings_in_small_letters_and_capitals_and_a_nam
 ):
     """A library that is not installed is no matter of the name."""
     monkeypatch.setitem(EXPORT_KINDS, kind, replace(EXPORT_KINDS[kind], check=lambda: None))
-    for ending in ["", *EXPORT_KINDS[kind].endings, EXPORT_KINDS[kind].endings[0].upper(), EXPORT_KINDS[kind].suffix]:
+    bare = [""] * EXPORT_KINDS[kind].may_lack
+    for ending in [
+        *bare,
+        *EXPORT_KINDS[kind].endings,
+        EXPORT_KINDS[kind].endings[0].upper(),
+        EXPORT_KINDS[kind].suffix,
+    ]:
         place = tmp_path / f"denim{ending}"
         assert place in checked_names(order_of(kind), kind, place).values()
+
+
+@pytest.mark.parametrize("kind", [name for name, kind in EXPORT_KINDS.items() if not kind.may_lack])
+def test_a_format_that_programs_know_by_its_ending_is_not_written_without_one(kind, tmp_path):
+    """OpenUSD opens no file `swing`, whatever it holds."""
+    own = EXPORT_KINDS[kind].endings[0]
+    with pytest.raises(hangtime.HangtimeError, match=f"has no ending, .*; give a name that ends in \\{own}$"):
+        checked_names(order_of(kind), kind, tmp_path / "swing")
+
+
+def test_usd_without_an_ending_is_opened_by_no_program_and_a_table_is_read(tmp_path):
+    usd = pytest.importorskip("pxr.Usd", reason="usd-core is not installed")
+    hangtime.export(FIT, "usd-physics", tmp_path / "a.usda")
+    (tmp_path / "a").write_bytes((tmp_path / "a.usda").read_bytes())
+    assert usd.Stage.Open(str(tmp_path / "a.usda"))
+    with pytest.raises(Exception, match="a"):
+        usd.Stage.Open(str(tmp_path / "a"))
+    assert {name for name, kind in EXPORT_KINDS.items() if not kind.may_lack} == {
+        "usd-physics", "usd", "gltf", "abc", "pc2", "u3m",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -124,6 +124,7 @@ class Kind:
     """A kind of export: suffix of its file, function that makes the files, and suffixes of further files.
 
     - `also`: further endings by which programs take the file for this format
+    - `may_lack`: whether programs read the file also if its name has no ending; OpenUSD opens no such file
     - `check`: raises an error where a program or a library that writes the file is missing; asked before any simulation
     """
 
@@ -131,6 +132,7 @@ class Kind:
     make: Callable[[Order], dict[str, bytes]]
     beside: tuple[str, ...] = ()
     also: tuple[str, ...] = ()
+    may_lack: bool = False
     check: Callable[[], None] = lambda: None
 
     @property
@@ -140,9 +142,10 @@ class Kind:
 
 
 def _one(
-    suffix: str, make: Callable[[Order], bytes], check: Callable[[], None] = lambda: None, also: tuple[str, ...] = ()
-) -> Kind:
-    return Kind(suffix=suffix, make=lambda order: {suffix: make(order)}, check=check, also=also)
+    suffix: str, make: Callable[[Order], bytes], check: Callable[[], None] = lambda: None, also: tuple[str, ...] = (),
+    *, may_lack: bool = False,
+) -> Kind:  # fmt: skip
+    return Kind(suffix=suffix, make=lambda order: {suffix: make(order)}, check=check, also=also, may_lack=may_lack)
 
 
 def check_libraries(*names: str) -> None:
@@ -184,21 +187,26 @@ MESH_OF_TAKE = {"csv", "parquet"}  # kinds with a mesh if they contain a motion
 WITH_THICKNESS = {"usd-physics"}
 
 EXPORT_KINDS: dict[str, Kind] = {
-    "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",), also=AS_TABLE[2:]),
+    "csv": Kind(suffix=".csv", make=_csv, beside=(".motion.csv",), also=AS_TABLE[2:], may_lack=True),
     "parquet": Kind(
-        suffix=".parquet", make=_parquet, beside=(".motion.parquet",), also=AS_PARQUET[2:], check=_check_parquet
+        suffix=".parquet",
+        make=_parquet,
+        beside=(".motion.parquet",),
+        also=AS_PARQUET[2:],
+        check=_check_parquet,
+        may_lack=True,
     ),
-    "table": _one(".fabric.txt", lambda o: tables.software_table(o.result, o.fabric).encode()),
+    "table": _one(".fabric.txt", lambda o: tables.software_table(o.result, o.fabric).encode(), may_lack=True),
     "usd-physics": _one(
         ".physics.usda",
         lambda o: usd_physics(o.result, o.sheets_fabric, o.sheet, o.thickness),
         _check_usd,
         also=(".usd",),
     ),
-    "newton": _one(".newton.json", lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing)),
-    "mujoco": _one(".mujoco.xml", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet)),
+    "newton": _one(".newton.json", lambda o: presets.newton_preset(o.result, o.fabric, o.grid_spacing), may_lack=True),
+    "mujoco": _one(".mujoco.xml", lambda o: presets.mujoco_flex(o.result, o.sheets_fabric, o.sheet), may_lack=True),
     "u3m": _one(".u3m", lambda o: u3m(o.result, o.fabric)),
-    "blender": _one(".blender.py", lambda o: blender_script(o.result, o.fabric_if_any, o.sheet)),
+    "blender": _one(".blender.py", lambda o: blender_script(o.result, o.fabric_if_any, o.sheet), may_lack=True),
     "usd": _one(".usdc", lambda o: caches.usd_cache(o.result, o.fabric_if_any, o.moving), _check_usd, also=(".usd",)),
     "gltf": _one(".glb", lambda o: caches.gltf(o.result, o.fabric_if_any, o.moving)),
     "abc": _one(".abc", lambda o: alembic(o.moving.even()), check_blender),
@@ -287,14 +295,19 @@ def checked_names(order: Order, kind: str, path: Path, *, overwrite: bool = Fals
 
 
 def _check_end(path: Path, kind: str) -> None:
-    """Refuse another ending than those of the kind; a name without any ending is taken as it is.
+    """Refuse another ending than those of the kind, or none where programs need one.
 
     Raises:
         FitError: names the usual ending, or who writes the other.
     """
     given, endings = path.suffix.lower(), EXPORT_KINDS[kind].endings
-    if not given or given in endings:
+    if given in endings or (not given and EXPORT_KINDS[kind].may_lack):
         return
+    if not given:
+        raise FitError(
+            "has no ending, by which programs know the format", where=path,
+            advice=f"give a name that ends in {endings[0]}",
+        )  # fmt: skip
     if difflib.get_close_matches(given, endings, 1, MISSPELT) and not _writers_of(given):
         advice = f"did you mean {plain(path.with_suffix(endings[0]).name)}?"
     else:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import hangtime
+from fit.export.kinds import EXPORT_KINDS
 from fit.export.tables import parameters_csv
 from formats.archive import write_take
 from tests.fit.export.exported import a_fit
@@ -49,7 +50,9 @@ def test_an_export_by_call_is_the_commands_file(folder, tmp_path, kind, options)
     if kind == "usd-physics":
         pytest.importorskip("pxr", reason="usd-core is not installed")
     words = [word for name, value in options.items() for word in (f"--{name}", value)]
-    by_command, by_call, plain = (tmp_path / f"{name}/a" for name in ("command", "call", "plain"))
+    by_command, by_call, plain = (
+        tmp_path / f"{name}/a{EXPORT_KINDS[kind].suffix}" for name in ("command", "call", "plain")
+    )
     done = hangtime_here("export", "fit.json", "--to", kind, "--out", by_command, *words, folder=folder)
     assert done.returncode == 0, done.stderr
     given = {name: folder / value if name == "take" else value for name, value in options.items()}

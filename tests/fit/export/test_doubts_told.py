@@ -10,6 +10,7 @@ import pytest
 
 from fit.export.about import doubts
 from fit.export.fabric import fabric_of
+from fit.export.kinds import EXPORT_KINDS
 from formats.archive import write_take
 from formats.results import save_fit_result
 from tests.fit.export.exported import a_fit, text_of
@@ -37,13 +38,15 @@ def exported(folder, kind, result, *more):
     if kind in LIBRARIES:
         pytest.importorskip(LIBRARIES[kind], reason="a library of the export is not installed")
     save_fit_result(folder / "fit.json", result)
-    return hangtime_here("export", ".", "--to", kind, "--out", "out", *more, folder=folder)
+    name = f"out{EXPORT_KINDS[kind].suffix}"
+    return hangtime_here("export", ".", "--to", kind, "--out", name, *more, folder=folder)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_export_prints_each_doubt_of_a_fit_on_a_line_and_a_sure_fit_prints_none(tmp_path, kind):
     done = exported(tmp_path, kind, doubtful())
-    assert (done.returncode, done.stdout, done.stderr.splitlines()) == (0, "out\n", [*NOTES, NOT_IDENTIFIED])
+    name = f"out{EXPORT_KINDS[kind].suffix}"
+    assert (done.returncode, done.stdout, done.stderr.splitlines()) == (0, f"{name}\n", [*NOTES, NOT_IDENTIFIED])
     sure = exported(tmp_path, kind, a_fit(), "--overwrite")
     assert (sure.returncode, sure.stderr) == (0, "")
 
@@ -76,7 +79,7 @@ def test_a_film_of_a_doubtful_fit_prints_the_doubts(tmp_path):
 
 def test_json_holds_the_doubts_beside_the_files(tmp_path):
     found = json.loads(exported(tmp_path, "csv", doubtful(), "--json").stdout)
-    assert found == {"remarks": [*NOTES, NOT_IDENTIFIED], "files": [{"file": "out"}]}
+    assert found == {"remarks": [*NOTES, NOT_IDENTIFIED], "files": [{"file": "out.csv"}]}
 
 
 def test_a_table_on_the_terminal_tells_its_doubts_once(tmp_path):

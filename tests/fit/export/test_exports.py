@@ -101,7 +101,7 @@ def test_a_take_brings_its_garment_with_all_its_layers():
 @pytest.mark.parametrize("kind", OF_FABRIC)
 def test_a_kinect_skirt_has_no_file_of_a_fabric(kind, tmp_path):
     with pytest.raises(FitError, match="none of its numbers has an SI value"):
-        export(Order(result=a_fit("kinect-skirt")), kind, tmp_path / "x")
+        export(Order(result=a_fit("kinect-skirt")), kind, tmp_path / f"x{EXPORT_KINDS[kind].suffix}")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -178,7 +178,7 @@ def test_the_motion_is_that_of_the_reports_simulation(order):
 @pytest.mark.parametrize("kind", ["usd", "gltf", "pc2"])
 def test_motion_needs_a_take(kind, tmp_path):
     with pytest.raises(FitError, match="a fit alone holds no motion; name a take"):
-        export(Order(result=a_fit()), kind, tmp_path / "x")
+        export(Order(result=a_fit()), kind, tmp_path / f"x{EXPORT_KINDS[kind].suffix}")
 
 
 def test_motion_of_blenders_cloth_is_refused(order):
@@ -241,5 +241,5 @@ def test_a_library_that_is_missing_is_named_before_anything_is_simulated(order, 
     shown = []
     fresh = Order(result=order.result, take=order.take, show=lambda *told: shown.append(told))
     with pytest.raises(ModuleNotFoundError, match=library):
-        export(fresh, kind, tmp_path / "swing")
+        export(fresh, kind, tmp_path / f"swing{EXPORT_KINDS[kind].suffix}")
     assert list(tmp_path.iterdir()) == shown == []

@@ -27,6 +27,9 @@ SMALLEST_SD, LARGEST_SD = 1e-9, 1e9  # m or rad; our choice: beyond any sensor a
 SD_STEPS = 32  # codes an octave: a deviation is stored to 1.1 %
 
 Columns = dict[str, NDArray[Any]]
+STORED = ("time", "markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state",
+           "points_hidden", "quality", "pitch", "pitch_sd")  # fmt: skip
+OPTIONAL = ("quality", "pitch", "pitch_sd", "points_hidden")  # of these, None where nothing was measured
 REAL, FLAGS = ("fiu", "real numbers"), ("b", "true or false")  # kinds of `np.dtype`
 KINDS_OF_COLUMNS = {"held_valid": FLAGS, "points_valid": FLAGS, "points_hidden": FLAGS}  # the others are real
 
@@ -84,6 +87,21 @@ def as_arrays(values: Mapping[str, object], take_id: object) -> Columns:
         if kinds == REAL[0] and name != "state" and (kind.itemsize < 4 or kind.kind in "iu" or name == "time"):
             arrays[name] = arrays[name].astype(np.float64, copy=False)  # products of short numbers would wrap
     return arrays
+
+
+def columns_of(take: Mapping[str, object], where: object) -> Columns:
+    """Return the arrays of a take that an archive stores, with NaN and False in place of those without measurements.
+
+    take: its fields by name
+
+    Raises:
+        TakeError: an array is lacking, or `as_arrays` refuses it.
+    """
+    columns = as_arrays({name: take[name] for name in STORED if take[name] is not None}, where)
+    if lacking := [name for name in STORED if name not in {*columns, *OPTIONAL}]:
+        raise TakeError(f"{lacking[0]} is None", where=where, advice="give an array")
+    absent = dict.fromkeys(OPTIONAL[:3], np.full(columns["time"].shape, np.nan))
+    return {**absent, "points_hidden": np.zeros(columns["points_valid"].shape, bool), **columns}
 
 
 def check_columns(columns: Columns, *, points: int, take_id: str, first: int, after: float) -> None:

@@ -23,6 +23,9 @@ MOST_USUAL_LAYERS = 2  # front and back
 # m, the longer side of the flat garment. Our choice: a swatch's side, and beyond a person's height. A wrong unit is
 # off 39 times or more, so half and twice of either would tell units as well.
 SHORTEST, LONGEST = 0.1, 3.0
+# of the flat distance: hanging cloth brings its points nearer. Our choice: centimetres and millimetres stay apart.
+FOLDED_TO = 0.25
+FRAMES_LOOKED_AT = 1000  # for a median distance. Our choice: bounds memory, and a wrong unit shows in any frame
 POINTS_APART = 1e-3  # m between two points; our choice: the smallest markers of motion capture are 1.5 mm wide
 SLOWEST, FASTEST = 5.0, 1000.0  # frames a second; the module states the cameras; at 5, a swing at 2 Hz has 2.5 frames
 USABLE_RATES = f"{SLOWEST:g} to {FASTEST:g} can be used"
@@ -47,6 +50,29 @@ def check_plausible_take(take: Take, where: object, *, offers_anyway: bool = Fal
     check_plausible_garment(take.garment, where, offers_anyway=offers_anyway)
     check_plausible_rig(take.rig, where, offers_anyway=offers_anyway)
     check_plausible_times(take.time, where, offers_anyway=offers_anyway)
+    _check_reach(take, where, offers_anyway=offers_anyway)
+
+
+def _check_reach(take: Take, where: object, *, offers_anyway: bool) -> None:
+    """Refuse points and held ends that lie much farther apart than the garment lets them, as in another unit."""
+    corners, tracked = np.array(take.garment.outline_m), np.array([point.at_m for point in take.garment.points])
+    for name, places, valid, flat in (
+        ("held ends", take.held, take.held_valid, corners[:2]),
+        ("points", take.points, take.points_valid, tracked.reshape(-1, 2)),
+    ):
+        rows = np.flatnonzero(valid.sum(1) > 1)
+        if not len(rows):
+            continue
+        rows = rows[:: 1 + len(rows) // FRAMES_LOOKED_AT]
+        ends = [edge(np.where(valid[rows, :, None], places[rows], np.nan), axis=1) for edge in (np.nanmin, np.nanmax)]
+        apart = float(np.median(np.linalg.norm(ends[1] - ends[0], axis=1)))
+        most = float(np.hypot(*np.ptp(flat, axis=0)))
+        if apart > NEAR_A_RANGE * most:
+            meant = unit_of(apart, FOLDED_TO * most, most)
+            raise ImplausibleError(
+                f"its {name} lie up to {apart:.3g} m apart in the median, on the flat garment {most:.3g} m{meant}",
+                where=where, advice=step_or_anyway("give places and garment in metres", offers_anyway),
+            )  # fmt: skip
 
 
 def check_plausible_garment(garment: Garment, where: object, *, offers_anyway: bool = False) -> None:

@@ -16,7 +16,17 @@ import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
 from formats.arrays import Floats
-from formats.blocks import Columns, Frame, as_arrays, check_columns, cut_into_blocks, encode_blocks, most_rows, widths
+from formats.blocks import (
+    Columns,
+    Frame,
+    as_arrays,
+    check_columns,
+    columns_of,
+    cut_into_blocks,
+    encode_blocks,
+    most_rows,
+    widths,
+)  # fmt: skip
 from formats.descriptions import PARTS, Description, check_garment, check_rig
 from formats.errors import DescriptionError, TakeError
 from formats.garment import Garment
@@ -41,9 +51,6 @@ WRITTEN_AT_ONCE = 1 << 20  # numbers encoded together: each takes 400 bytes mean
 NO_INDEX = IndexType(0)  # of chunks: 77 bytes a second, and no reader of takes skips any
 BINDING_BYTES = 8  # of a header's hash, `formats/SPEC.md`
 MOST_HEADER_BYTES = 1 << 20  # `formats/SPEC.md`, limits
-STORED = ("time", "markers", "held", "held_valid", "held_sd", "points", "points_valid", "points_sd", "state",
-           "points_hidden", "quality", "pitch", "pitch_sd")  # fmt: skip
-OPTIONAL = ("quality", "pitch", "pitch_sd", "points_hidden")  # of these, None where nothing was measured
 MOST_MISSING = 20_000  # missing spans: a reader accepts a header with three times as many lists
 
 
@@ -228,9 +235,7 @@ class TakeWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
         if kind is None:
             try:
                 self.finish()
@@ -374,10 +379,7 @@ def write_take(
         DescriptionError, OutputError: as `TakeWriter` and `TakeWriter.finish`.
         OSError: it cannot be written; names the file.
     """
-    values = {name: getattr(take, name) for name in STORED}
-    columns = as_arrays({name: value for name, value in values.items() if value is not None}, path)
-    if lacking := [name for name in STORED if name not in {*columns, *OPTIONAL}]:
-        raise TakeError(f"{lacking[0]} is None", where=path, advice="give an array")
+    columns = columns_of(vars(take), path)
     told = _checked_words(path, take.take_id, take.created, take.source, take.notes, take.missing)
     if len(told.missing) <= MOST_MISSING:
         _check_spans(told.missing, columns["time"].ravel(), path)
@@ -385,10 +387,8 @@ def write_take(
         path, take_id=take.take_id, created=take.created, rig=take.rig, garment=take.garment, source=take.source,
         notes=take.notes, overwrite=overwrite, missing=take.missing, instead=instead, tell_aside=tell_aside,
     )  # fmt: skip
-    absent = dict.fromkeys(OPTIONAL[:3], np.full(columns["time"].shape, np.nan))
-    unseen = {"points_hidden": np.zeros(columns["points_valid"].shape, bool)}
     try:
-        writer.append_columns({**absent, **unseen, **columns})
+        writer.append_columns(columns)
         for scan in take.scans:
             writer.append_scan(scan)
         return writer.finish(beside)

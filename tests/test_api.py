@@ -294,6 +294,27 @@ def test_a_careless_use_of_a_fit_is_refused_with_what_to_do(takes, fitted, call,
         call(fitted, takes / "swing.mcap")
 
 
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda take: {"time": take.time[::-1]}, r"^swing, frame 1: time goes from .* s to .* s; frames must come in"),
+        (lambda take: {"time": take.time[:-1]}, "^swing, frame 0: markers has shape .*; give one row a frame"),
+        (lambda take: {"held": np.nan * take.held}, "^swing, frame 0: held end 0 is marked valid but is not a number"),
+        (lambda take: {"points_sd": -take.points_sd}, "^swing, frame 0: points_sd has a standard deviation of -"),
+        (lambda take: {"points": None}, "^swing: points is None; give an array"),
+        (
+            lambda take: {"garment": msgspec.structs.replace(take.garment, mass_kg=-1.0)},
+            "^swing: mass_kg must be above 0",
+        ),
+    ],
+)
+@pytest.mark.parametrize("call", [hangtime.fit, hangtime.diagnose, hangtime.simulate])
+def test_a_take_changed_in_memory_to_what_no_file_holds_is_refused_by_its_wrong_field(takes, call, change, sentence):
+    take = hangtime.load(takes / "swing.mcap")
+    with pytest.raises(hangtime.HangtimeError, match=sentence):
+        call(dataclasses.replace(take, **change(take)))
+
+
 def test_the_command_names_the_option_where_python_names_the_argument(takes, tmp_path):
     done = hangtime_here("fit", takes / "swing.mcap", "--bounds", "x=1:2", "--out", "out", folder=tmp_path)
     assert done.returncode == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING
 from fit.api.arguments import check_kind, kind_of, names_of, path_of
 from fit.errors import FitError
 from formats.archive import read_take
+from formats.blocks import check_columns, columns_of
+from formats.descriptions import check_garment, check_rig
 from formats.errors import TakeError
 from formats.plain_text import plain
 from formats.plausible import check_plausible_take
@@ -106,10 +109,24 @@ def _each(takes: Takes, name: str) -> list[OneTake]:
 
 
 def one_take(take: OneTake, name: str) -> Take:
-    """Return a take, read where its path is given."""
+    """Return a take, read where its path is given, and checked where it may have been made or changed in memory."""
     if isinstance(take, Take):
+        _check_in_memory(take)
         return take
     return read_take(path_of(take, name, "a take or the path of one"))
+
+
+def _check_in_memory(take: Take) -> None:
+    """Refuse a take that no file could hold, by the rules of its writer.
+
+    Raises:
+        TakeError: names the frame, such as one whose time does not increase, or the array of another shape.
+        DescriptionError: an impossible rig or garment; names the field.
+    """
+    check_garment(take.garment, take.take_id)
+    check_rig(take.rig, take.take_id)
+    columns = columns_of(vars(take), take.take_id)
+    check_columns(columns, points=len(take.garment.points), take_id=take.take_id, first=0, after=-math.inf)
 
 
 def say_takes(training: list[Take], testing: list[Take], spacing: float | None = None) -> None:

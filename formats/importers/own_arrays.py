@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.blocks import TICKS, as_arrays, check_columns
+from formats.blocks import OPTIONAL, STORED, TICKS, as_arrays, check_columns
 from formats.errors import TakeError
 from formats.importers.npz import load_arrays
 from formats.missing import possible_spans
 from formats.surface import SurfaceScan, encode_scan
 from formats.take import Take
 from formats.take_header import described
-from formats.take_writer import MOST_HEADER_BYTES, OPTIONAL, PROFILE, STORED
+from formats.take_writer import MOST_HEADER_BYTES, PROFILE
 from formats.zip_members import members_of
 
 ABOUT = "about"

@@ -233,6 +233,50 @@ def test_times_that_jump_by_more_than_ten_minutes_are_refused_at_the_jump():
         assert re.search(r"its times jump by .* s after 0.97 s; split the recording there, .*--anyway", said)
 
 
+def flat_take():
+    """A take whose cloth hangs as the flat garment lies: its edge is 0.4 m, and its points 0.566 m across."""
+    take = a_take()
+    outline = np.array([[(x, -y, 1.5) for x, y in take.garment.outline_m]] * len(take.time))
+    return replace(take, held=outline[:, :2], points=np.where(take.points_valid[..., None], outline, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("of_held", "of_points", "says"),
+    [
+        (
+            100.0,
+            100.0,
+            "held ends lie up to 40 m apart in the median, .* garment 0.4 m; were centimetres meant",
+        ),
+        (1.0, 100.0, "points lie up to .* m apart in the median, on the flat garment 0.566 m; were centimetres meant"),
+        (1.0, 1000.0, "points lie up to .* m apart in the median, on the flat garment 0.566 m; were millimetres meant"),
+        (39.37, 1.0, "held ends lie up to 15.7 m apart in the median, .*; were centimetres or inches meant"),
+        (
+            1.0,
+            3.0,
+            "points lie up to .* m apart in the median, on the flat garment 0.566 m; give places and garment",
+        ),
+    ],
+)
+def test_places_in_another_unit_than_the_garment_are_refused_with_the_unit(of_held, of_points, says):
+    take = flat_take()
+    given = replace(take, held=of_held * take.held, points=of_points * take.points)
+    assert re.search(says, refused(check_plausible_take, given, offers_anyway=True))
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.3, 1.0, 1.9])
+def test_places_of_folded_or_stretched_cloth_are_accepted(scale):
+    take = flat_take()
+    check_plausible_take(replace(take, held=scale * take.held, points=scale * take.points), "a file")
+
+
+def test_one_seen_point_has_no_distance():
+    take = flat_take()
+    alone = np.zeros_like(take.points_valid)
+    alone[:, 0] = True
+    check_plausible_take(replace(take, points=100.0 * take.points, points_valid=alone), "a file")
+
+
 def test_a_take_is_judged_by_its_garment_its_rig_and_its_times():
     take = a_take()
     check_plausible_take(take, "a file")

@@ -6,13 +6,12 @@ import msgpack
 import numpy as np
 import pytest
 
-from formats.blocks import LATEST, MOST_ROWS, encode_blocks
+from formats.blocks import LATEST, MOST_ROWS, STORED, encode_blocks
 from formats.sound_blocks import _batches, _within_reach, decoded, in_order, increasing, sound_scans
 from formats.surface import encode_scan, places_of
 from formats.table_memory import TableMemory
 from formats.take_end import Held, contradictions, is_end, missing_spans
 from formats.take_messages import Contents, Message, Parts
-from formats.take_writer import STORED
 from tests.formats.test_archive import a_scan, a_take
 
 BLOCK = {"first": 0, "frames": 1, "start": 0, "steps": [0, 2], "table": b""}

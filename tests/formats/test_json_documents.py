@@ -159,8 +159,8 @@ def test_json_reports_every_fact_of_a_command(desk, words, code, entries):
     assert _rounded(told) == _rounded(entries)
 
 
-@pytest.mark.parametrize("to", ["csv", "parquet"])
-def test_json_has_the_state_of_a_take_of_which_nothing_is_read(desk, to):
+@pytest.mark.parametrize(("to", "out"), [("csv", "some"), ("parquet", "some.parquet")])
+def test_json_has_the_state_of_a_take_of_which_nothing_is_read(desk, to, out):
     e = {"file": "takes/e.mcap", "state": "lost"}
     for words, key in (("show", None), (f"export --to {to} --out lost", "lost"), ("recover --out lost", "takes")):
         done = hangtime_here("takes", *words.split(), "takes/e.mcap", "--json", folder=desk)
@@ -168,7 +168,7 @@ def test_json_has_the_state_of_a_take_of_which_nothing_is_read(desk, to):
         (found,) = told[key] if key else [told]
         assert (done.returncode, found.pop("error")[:35]) == (2, "takes/e.mcap: is not a take archive")
         assert found == e
-    words = ("takes", "export", "takes/e.mcap", "takes/a.mcap", "--to", to, "--out", f"some.{to}", "--json")
+    words = ("takes", "export", "takes/e.mcap", "takes/a.mcap", "--to", to, "--out", out, "--json")
     (found,) = json.loads(hangtime_here(*words, folder=desk).stdout)["lost"]
     assert {**found, "error": ""} == {**e, "error": ""}
 

@@ -41,7 +41,7 @@ WITH_ALL_ENDS = (
 )
 FLOOR = (
     "The sensor's noise in this diagnosis is a distance in space, measured on the judged takes. The hanger's noise, "
-    "which shakes the simulated cloth, is part of it. `hangtime takes show` gives the points' noise a coordinate."
+    "which shakes the simulated cloth, is part of it. `hangtime takes show` gives a point's noise in one coordinate."
 )
 LISTED_EFFECTS = 3  # left-out effects that a sentence names; our choice: a sentence is read at a glance
 PROBABILITIES = {

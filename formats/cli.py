@@ -100,14 +100,16 @@ def import_recordings(
     from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
     from formats.importers.swung_cloth import import_swung_cloth
     from formats.outputs import check_folder_name, check_name, output_folder, refuse_to_replace
-    from formats.plain_text import plain
+    from formats.plain_text import as_typed, plain
     from formats.unfinished import ANOTHER_FOLDER
 
     check_folder_name(out, ".mcap")
     for path in paths:
         if path.suffix.lower() == DESCRIBED_AS:
             raise TakeError(
-                "is a description, and no recording", where=path, advice=f"give it as --garment {path.name}"
+                "is a description, and no recording",
+                where=path,
+                advice=f"give it as {as_typed(['--garment', str(path)])}",
             )
     described = load_garment(garment, anyway=anyway) if garment is not None else None
     options = MarkerOptions(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 
 import msgspec
@@ -154,6 +155,12 @@ def test_a_description_where_a_recording_should_be_is_reported_where_it_belongs(
     done = hangtime_here("import", "g.toml", "--garment", "a.mcap", folder=tmp_path)
     assert done.stderr == "hangtime: g.toml: is a description, and no recording; give it as --garment g.toml\n"
     assert done.returncode == 2
+
+
+def test_the_option_that_is_named_for_a_description_has_its_whole_path_as_a_shell_reads_it(tmp_path):
+    done = hangtime_here("import", "my takes/it's.toml", folder=tmp_path)
+    option = done.stderr.rstrip().rpartition("give it as ")[2]
+    assert shlex.split(option) == ["--garment", "my takes/it's.toml"]
 
 
 def test_a_swatch_is_no_take_by_its_name(tmp_path):

@@ -6,8 +6,9 @@ import re
 from dataclasses import replace
 
 import msgspec
+import pytest
 
-from fit.api.results import Simulation
+from fit.api.results import DiagnosisOutcome, Simulation
 from fit.api.shown import diagnosis_tables, effect_table, fit_tables
 from fit.api.tables import Table, as_html, as_text
 from fit.recordings.intact import describe_missing
@@ -66,6 +67,26 @@ def test_the_effects_have_intervals_and_no_unit_one():
     assert [row[:4] for row in rows] == [
         ("air_drag", "90 %", "1.08", "0.9 to 1.2"), ("rest_curvature", "10 %", "-", "-2 to 1000 per m")
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("probability", "said"),
+    [
+        (1.0, "more than 99 %"),
+        (0.99, "99 %"),
+        (0.5, "50 %"),
+        (0.004, "less than 1 %"),
+        (0.0, "less than 1 %"),
+        (None, ""),
+    ],
+)
+def test_a_table_of_effects_gives_probabilities_in_the_verdicts_words(probability, said):
+    """Draws are never so sure that nothing or everything is left."""
+    found = diagnosis()
+    drag = msgspec.structs.replace(found.effects[0], probability=probability)
+    (row,) = effect_table(msgspec.structs.replace(found, effects=[drag])).rows
+    assert row[1] == said
+    assert f" {said} " in str(DiagnosisOutcome(result=msgspec.structs.replace(found, effects=[drag])))
 
 
 def test_an_effect_that_was_screened_only_says_so_with_a_size_or_without():

@@ -53,6 +53,16 @@ def test_fitted_takes_in_another_order_give_the_same_diagnosis(order):
     assert first.take_ids == ["a", "b", "c"]
 
 
+def test_requested_effects_in_another_order_give_the_same_diagnosis():
+    world, fitted, judged = takes()
+    one, other = (
+        diagnosed(fitted, judged[:1], world, added=added).diagnosis
+        for added in (("hem", "draught"), ("draught", "hem", "draught"))
+    )
+    assert msgspec.structs.replace(other, created=one.created, cost=one.cost) == one
+    assert one.options["--add"] == "draught hem"
+
+
 def test_a_fit_to_takes_in_another_order_is_the_same_in_every_digit():
     def take(name, hz, seconds=1.6):
         time = np.arange(0, seconds, 1 / 30)

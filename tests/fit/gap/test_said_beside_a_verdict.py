@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import io
 
 import msgspec
 import numpy as np
 import pytest
 
+from fit.api.results import DiagnosisOutcome
 from fit.api.shown import effect_table
 from fit.gap import power
 from fit.gap.edge_words import describe_held_edge, edge_lacks
@@ -100,6 +103,8 @@ def test_without_a_gap_no_effect_has_a_share_of_the_draws_as_its_cause(by, is_to
     chances = {row[0]: row[1] for row in effect_table(found).rows}
     assert chances["air_drag"] == ("94 %" if is_told else "")
     assert candidates_of(found) == (["air_drag"] if is_told else [])
+    rows = {row["effect"]: row for row in csv.DictReader(io.StringIO(DiagnosisOutcome(result=found).to_csv()))}
+    assert rows["air_drag"]["probability"] == ("0.94" if is_told else "")
     with_a_gap = diagnosis(verdict="unknown", named=[])
     assert with_a_gap.ranked is with_a_gap.effects
     assert diagnosis(effects=effects).ranked == effects

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -23,6 +24,7 @@ from tests.fit.gap.linear_cloth import World, diagnosed, three_takes
 from tests.fit.gap.linear_takes import MESH, NOISE, LinearTakes
 from tests.fit.gap.named_fits import Named
 from tests.fit.gap.verdict_scene import KINDS, hypothesis
+from tests.fit.report.report_scene import diagnosis
 
 
 def costing(one, cost):
@@ -118,6 +120,17 @@ def test_an_interval_of_a_size_ends_with_the_range(name, interval, part):
         count = len(effect.components)
         part = (0.0 if count > 1 else effect.low, effect.high * count**0.5)
     assert within_range(effect, interval) == pytest.approx(part)
+
+
+def test_a_named_effect_whose_interval_holds_0_is_told_without_doubt():
+    """As one that the held edge shows, whose size other laws leave open."""
+    given = diagnosis()
+    drag = msgspec.structs.replace(given.effects[0], amplitude_interval=(-0.1, 2.0))
+    told = as_text(diagnosis_tables(diagnosis(effects=[drag]), ("air_drag",)))
+    assert "With air_drag at 1.31: closes 87 % of the gap" in told
+    assert "Its size may be 0" not in told
+    unnamed = as_text(diagnosis_tables(diagnosis(effects=[drag], named=[]), ("air_drag",)))
+    assert "Its size may be 0" in unnamed
 
 
 def test_a_requested_effect_that_is_not_there_is_told_as_what_it_is():

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from capture.hanger.colour_dots import DotTracker
 from capture.hanger.marker_detection import ids_in
+from capture.hanger.seen_otherwise import seen_otherwise
 from capture.hanger.seen_sizes import sizes_seen, wrong_size, wrong_unit
 from firmware_host.depth_sensor import SensorFrame
 from firmware_host.doctor.checks import Check, Examination, Finding, ok, problem, skipped
-from formats.rig import Rig
+from formats.arrays import Bytes
+from formats.rig import Hanger, Rig
 
 USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes
 USUAL_IDS = (0, 1)  # of the same rig
+USUAL = Hanger(  # the lengths are of no use here
+    dictionary=USUAL_DICTIONARY, ids=USUAL_IDS, marker_size_m=0.06, marker_distance_m=0.3,
+    held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
+)  # fmt: skip
+LOOKED_AT = 3  # pictures searched for markers of other kinds. Our choice: each takes ten searches, and faults stay
 LEAST_SEEN = 0.5  # share of the checked frames; tracking searches finer and bridges gaps
 
 
@@ -37,10 +44,19 @@ def markers_visible(examination: Examination) -> Finding:
         wrong = "" if examination.rig is None else _sizes_wrong(frames, examination.rig)
         return problem(f"{text}, of other sizes than the rig's", wrong) if wrong else ok(text)
     others = sorted(set().union(*seen) - set(ids))
-    advice = "hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light"
+    how = "" if others else _seen_otherwise(examination, pictures)
+    advice = how or "hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light"
     if others:
         advice = f"markers {others} are there instead: give the rig that describes them with --rig"
     return problem(text, advice)
+
+
+def _seen_otherwise(examination: Examination, pictures: list[Bytes]) -> str:
+    """Return how both markers appear in one of the first pictures, such as mirrored, and the remedy; "" if not."""
+    hanger = USUAL if examination.rig is None or examination.rig.hanger is None else examination.rig.hanger
+    is_turned = examination.sample is not None and examination.sample.info.is_turned
+    told = (seen_otherwise(picture, hanger, is_turned=is_turned) for picture in pictures[:LOOKED_AT])
+    return next(filter(None, told), "")
 
 
 def _sizes_wrong(frames: list[SensorFrame], rig: Rig) -> str:

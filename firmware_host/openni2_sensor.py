@@ -20,6 +20,7 @@ from firmware_host.depth_sensor import STALL_TIMEOUT, DepthSensor, SensorFrame, 
 from firmware_host.errors import RecordingError, SensorError, SensorStalledError, SensorUnavailableError
 from firmware_host.oni_records import NodeType, OniSummary, PixelFormat, summarise
 from formats.blocks import LATEST
+from formats.figures import short
 from formats.plain_text import counted, plain
 from formats.plausible import FASTEST, RATE_WITHIN, SLOWEST
 from formats.rig import Sensor
@@ -182,12 +183,12 @@ class OpenNI2Sensor(DepthSensor):
         rate = 1e6 / interval
         faster = rate / self._info.fps
         if not 1 / RATE_WITHIN <= faster <= RATE_WITHIN:
-            how = f"{faster:.3g} times as fast" if faster > 1 else f"{1 / faster:.3g} times as slowly"
+            how = f"{short(faster)} times as fast" if faster > 1 else f"{short(1 / faster)} times as slowly"
             step = "record again with stamps in microseconds, or accept them with --anyway"
             if 1 / ANOTHER_UNIT <= faster <= ANOTHER_UNIT:
                 step = "record again with a steady rate; where its frames did come so, accept the stamps with --anyway"
             raise self._refused(
-                f"its stamps run {how} as its {self._info.fps:g} frames a second, {interval:g} us apart", step
+                f"its stamps run {how} as its {self._info.fps:g} frames a second, {interval:.10g} us apart", step
             )
         if not rate * 1.001 >= SLOWEST or rate > FASTEST * 1.001:
             raise self._refused(

@@ -12,13 +12,17 @@ import numpy as np
 
 from capture.hanger.marker_detection import MarkerDetector
 from formats.arrays import Bytes, Floats, Unsigned
+from formats.plausible_rig import NARROWEST, WIDEST
 from formats.rig import Hanger, Rig, Sensor
 
 OFF = 0.1  # of a length: a side of 17 px is measured to a pixel, and a plate rotated by 20 degrees is 6 % narrower
 NEAREST_DEPTH = 0.3  # m: smaller values of a sensor are not distances
 SATURATED = 65_000  # of 65535, the largest depth value
-DEPTH_UNITS = {"metres": 1000.0, "decimetres": 100.0, "centimetres": 10.0, "tenths of a millimetre": 0.1}  # mm of each
-UNIT_WITHIN = 0.25  # of depth: a rotated or badly measured marker; units differ by 10 times
+DEPTH_UNITS = {  # mm of each
+    "metres": 1000.0, "decimetres": 100.0, "centimetres": 10.0, "tenths of a millimetre": 0.1,
+    "eighths of a millimetre, above the three bits of a Kinect's player": 0.125,
+}  # fmt: skip
+UNIT_WITHIN = 0.25  # of depth: a rotated or badly measured marker; tenths and eighths apart, units differ by 10 times
 ALIKE = 0.1  # of each other: two lengths that are wrong because of the focal length agree so closely
 
 
@@ -58,10 +62,13 @@ def wrong_unit(colour: Bytes, depth: Unsigned, rig: Rig) -> str:
         return (
             f"depth at the markers is {away:.0f}, the end of its 16 bits and no distance; record depth in millimetres"
         )
-    for name, count in DEPTH_UNITS.items() if abs(by_distance / by_size - 1) <= UNIT_WITHIN else ():
-        if abs(by_size / count - away) <= max(UNIT_WITHIN * away, 0.5):
-            return f"{shown}: depth is probably in {name}; record it in millimetres"
-    return ""
+    if abs(by_distance / by_size - 1) > UNIT_WITHIN:
+        return ""
+    off = {name: abs(by_size / count - away) for name, count in DEPTH_UNITS.items()}
+    nearest = min(off, key=off.__getitem__)
+    if off[nearest] > max(UNIT_WITHIN * away, 0.5):
+        return ""
+    return f"{shown}: depth is probably in {nearest}; record it in millimetres"
 
 
 def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str:
@@ -70,8 +77,12 @@ def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str
     if max(abs(size - 1), abs(distance - 1)) <= OFF:
         return ""
     measured = f"depth shows markers of {1e3 * seen[0]:.0f} mm that are {1e3 * seen[1]:.0f} mm apart"
+    fitting = distance * sensor.fx
+    span = float(np.degrees(2 * np.arctan(sensor.width / (2 * fitting))))
+    if abs(size / distance - 1) <= ALIKE and not NARROWEST <= span <= WIDEST:
+        return f"{measured}: depth is {distance:.2g} times what the rig's sizes say; record depth in millimetres"
     if abs(size / distance - 1) <= ALIKE:
-        return f"{measured}: sensor.fx and fy are {sensor.fx:g}, and about {sensor.fx * distance:.0f} would fit"
+        return f"{measured}: sensor.fx and fy are {sensor.fx:g}, and about {fitting:.0f} would fit"
     wrong = "marker_size_m" if abs(size - 1) > abs(distance - 1) else "marker_distance_m"
     return f"{measured}: measure hanger.{wrong} again"
 

@@ -68,6 +68,26 @@ def test_a_marker_in_one_of_three_pictures_is_a_problem() -> None:
     assert "marker 1 in 33 % of 3 frames; hang the hanger" in finding.text
 
 
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (
+            lambda picture: picture[:, ::-1].copy(),
+            "both are seen in the picture's mirror image: switch the sensor's mirror off",
+        ),
+        (lambda picture: 255 - picture, "both are seen white on black: print them black on white"),
+        (
+            lambda picture: 0 * picture,
+            "hang the hanger 1.2 to 2.5 m before the sensor, markers towards it, in even light",
+        ),
+    ],
+)
+@pytest.mark.parametrize("whose", [None, rig(0, 1)])
+def test_markers_that_are_seen_otherwise_are_told_with_the_remedy(changed, told, whose) -> None:
+    finding = markers_visible(examined(changed(drawn(0, 1)), rig=whose))
+    assert finding.text == f"DICT_4X4_50 marker 0 in 0 %, marker 1 in 0 % of 1 frames; {told}"
+
+
 def test_other_markers_are_named_and_the_rig_that_has_them_is_right() -> None:
     assert "markers [7, 9] are there instead: give the rig" in markers_visible(examined(drawn(7, 9))).text
     assert markers_visible(examined(drawn(7, 9), rig=rig(7, 9))).verdict is Verdict.OK

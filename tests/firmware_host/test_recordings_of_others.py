@@ -38,6 +38,16 @@ def test_stamps_that_run_125_times_as_fast_as_the_stated_rate_are_refused(tmp_pa
 
 @pytest.mark.parametrize(
     ("interval", "how"),
+    [(33, "1010 times as fast as its 30 frames a second, 33"), (33_333_333, "1000 times as slowly .*, 33333333")],
+)
+def test_stamps_in_another_unit_are_told_without_an_exponent(tmp_path, interval, how):
+    path = restamped(write_recording(tmp_path / "a.oni", 12), lambda k: interval * (k + 1))
+    with pytest.raises(RecordingError, match=f"its stamps run {how} us apart; record again with stamps in micro"):
+        OpenNI2Sensor(path)
+
+
+@pytest.mark.parametrize(
+    ("interval", "how"),
     [(66_667, "2 times as slowly"), (333_333, "10 times as slowly"), (41_000, "1.23 times as slowly"),
      (27_000, "1.23 times as fast")],
 )  # fmt: skip

@@ -105,8 +105,9 @@ def test_nothing_is_measured_without_both_markers_or_their_depth():
 
 @pytest.mark.parametrize(
     ("depth", "unit"),
-    [(1, "metres"), (7, "decimetres"), (72, "centimetres"), (7200, "tenths of a millimetre"), (720, ""), (650, ""),
-     (1440, "")],
+    [(1, "metres"), (7, "decimetres"), (72, "centimetres"), (7200, "tenths of a millimetre"),
+     (6800, "tenths of a millimetre"), (720, ""), (650, ""), (1440, ""),
+     (5760, "eighths of a millimetre, above the three bits of a Kinect's player")],
 )  # fmt: skip
 def test_depth_in_another_unit_than_millimetres_is_named_by_the_size_of_the_markers(depth, unit):
     """They are 720 mm away by their size."""
@@ -117,6 +118,15 @@ def test_depth_in_another_unit_than_millimetres_is_named_by_the_size_of_the_mark
     examination = examined(drawn(0, 1), rig=stated())
     examination.sample.frames[0].depth[:] = depth
     assert not unit or markers_visible(examination).text.endswith(f"of other sizes than the rig's; {words}")
+
+
+def test_no_focal_length_is_named_that_no_sensor_has():
+    """At 12 times the depth, 3456 px would let 320 pixels span 5.3 degrees; at half of it, 576 px 31 degrees."""
+    hanger, sensor = stated().hanger, stated().sensor
+    sizes = hanger.marker_size_m, hanger.marker_distance_m
+    told = wrong_size(hanger, sensor, tuple(12.0 * size for size in sizes))
+    assert told.endswith("apart: depth is 12 times what the rig's sizes say; record depth in millimetres")
+    assert wrong_size(hanger, sensor, tuple(2.0 * size for size in sizes)).endswith("and about 576 would fit")
 
 
 def test_depth_at_the_end_of_its_bits_is_no_distance_and_a_wrong_length_of_the_rig_no_unit():

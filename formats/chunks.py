@@ -47,12 +47,19 @@ class Findings:
     is_whole: bool = False  # the file has the end of an MCAP file
     trailing: int = 0  # bytes behind that end
     other_compressions: set[str] = field(default_factory=set)
+    has_loose_messages: bool = False  # a message lies outside of chunks, as some programs write them
+    lacks_checksum: bool = False  # a chunk states none
     left_packed: int = 0  # chunks that seem sound, but exceed `bytes_left`
     bytes_left: int = FREE_BYTES  # budget of unpacked bytes beyond the chunks' shares
     records_left: int = FREE_RECORDS  # budget of records beyond the chunks' shares
     _chunks: int = 0  # unpacked so far
     _last_copy: int = 0  # value of `_chunks` at the last copy of a header
     _beyond: int = 0  # bytes that the last chunk took beyond its share
+
+    @property
+    def has_sound_chunk(self) -> bool:
+        """Whether a chunk was unpacked."""
+        return self._chunks > 0
 
     def charge(self, beyond: int) -> None:
         """Charge the budget with the unpacked bytes of a chunk beyond its share."""
@@ -107,6 +114,7 @@ def messages_with_sizes(raw: bytes, findings: Findings) -> Iterator[tuple[bytes,
                 end += len(MCAP_MAGIC)
                 findings.is_whole, findings.trailing = True, findings.trailing or len(raw) - end
         else:
+            findings.has_loose_messages |= opcode == Opcode.MESSAGE and was_sound and is_within
             findings.damaged += was_sound and is_within and not findings.trailing
             was_sound = False
             at = starts.next_at(at + 1)
@@ -166,7 +174,8 @@ def _records(raw: bytes, at: int, end: int, starts: _Starts, findings: Findings)
     begin = at + 49 + name_length
     if name_length > LONGEST_NAME or begin > end or struct.unpack_from("<Q", raw, begin - 8)[0] != end - begin:
         return None
-    if not 0 < size <= LARGEST_CHUNK or crc == 0:  # in MCAP a checksum of 0 stands for none
+    findings.lacks_checksum |= crc == 0  # in MCAP a checksum of 0 stands for none
+    if not 0 < size <= LARGEST_CHUNK or crc == 0:
         return None
     compression, packed = raw[at + 41 : begin - 8], memoryview(raw)[begin:end]
     if compression not in (b"zstd", b""):

@@ -250,6 +250,11 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
             f"is compressed with {names}, which is not read", where=path,
             advice="compress it with zstd, or not at all",
         )  # fmt: skip
+    if raw.startswith(MCAP_MAGIC) and not findings.has_sound_chunk:
+        lacking = ["holds messages outside of chunks, which are not read"] * findings.has_loose_messages
+        lacking += ["has chunks without a checksum, which are not read"] * findings.lacks_checksum
+        if lacking:
+            return TakeError(lacking[0], where=path, advice="write its messages in chunks with their CRC-32")
     if raw.startswith(ONI_START):
         return TakeError(
             "is a sensor recording, and no take", where=path,

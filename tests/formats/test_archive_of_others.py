@@ -27,10 +27,10 @@ def messages(tmp_path_factory):
     return [msgpack.unpackb(data) for data in messages_in(path.read_bytes(), Findings())]
 
 
-def archive_of(path, contents):
-    """An archive whose chunks are sound, whatever their messages say."""
+def archive_of(path, contents, **options):
+    """An archive whose chunks are sound, whatever their messages say; options: of its writer."""
     with path.open("wb") as file:
-        mcap = Writer(file, chunk_size=1, compression=CompressionType.ZSTD)
+        mcap = Writer(file, chunk_size=1, compression=CompressionType.ZSTD, **options)
         mcap.start(profile="hangtime-take/2", library="another")
         channel = mcap.register_channel("/x", "msgpack", mcap.register_schema("hangtime", "", b""))
         for content in contents:
@@ -55,6 +55,21 @@ def test_the_same_messages_are_a_sound_take(messages, tmp_path):
     path = archive_of(tmp_path / "a.mcap", messages)
     assert verify_take(path).is_sound
     assert len(read_take(path).time) == 100
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"use_chunking": False}, "holds messages outside of chunks, which are not read"),
+        ({"enable_crcs": False}, "has chunks without a checksum, which are not read"),
+    ],
+)
+def test_the_same_messages_without_chunks_or_checksums_are_named_so(messages, tmp_path, options, what):
+    """They were called a recording that ended in its first second."""
+    path = archive_of(tmp_path / "a.mcap", messages, **options)
+    with pytest.raises(TakeError) as refused:
+        read_take(path)
+    assert str(refused.value) == f"{path}: {what}; write its messages in chunks with their CRC-32"
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,13 @@ from formats.rig import Hanger, Rig
 
 USUAL_DICTIONARY = "DICT_4X4_50"  # of the rig that `hangtime sensor synthesise` writes
 USUAL_IDS = (0, 1)  # of the same rig
-USUAL = Hanger(  # the lengths are of no use here
+USUAL_HANGER = Hanger(  # the lengths are of no use here
     dictionary=USUAL_DICTIONARY, ids=USUAL_IDS, marker_size_m=0.06, marker_distance_m=0.3,
     held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
 )  # fmt: skip
-LOOKED_AT = 3  # pictures searched for markers of other kinds. Our choice: each takes ten searches, and faults stay
+SEARCHED_OTHERWISE = (
+    3  # pictures searched for markers of other kinds. Our choice: each takes ten searches, and faults stay
+)
 LEAST_SEEN = 0.5  # share of the checked frames; tracking searches finer and bridges gaps
 
 
@@ -53,9 +55,9 @@ def markers_visible(examination: Examination) -> Finding:
 
 def _seen_otherwise(examination: Examination, pictures: list[Bytes]) -> str:
     """Return how both markers appear in one of the first pictures, such as mirrored, and the remedy; "" if not."""
-    hanger = USUAL if examination.rig is None or examination.rig.hanger is None else examination.rig.hanger
+    hanger = USUAL_HANGER if examination.rig is None or examination.rig.hanger is None else examination.rig.hanger
     is_turned = examination.sample is not None and examination.sample.info.is_turned
-    told = (seen_otherwise(picture, hanger, is_turned=is_turned) for picture in pictures[:LOOKED_AT])
+    told = (seen_otherwise(picture, hanger, is_turned=is_turned) for picture in pictures[:SEARCHED_OTHERWISE])
     return next(filter(None, told), "")
 
 

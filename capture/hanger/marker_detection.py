@@ -8,6 +8,11 @@ The detector compares each pixel with the mean of a square around it. For a mark
 suffices. A square of a third of the marker's side gives the finest corners. A square of two thirds also works with
 blur. OpenCV's own three squares, tried together, cost twice as much and merge the outlines of one black border. On
 drawn swings they read 93 % of the ids, and these two squares read 99.9 % with equally good corners.
+
+The detector fits its sides through the centres of the outermost dark pixels. These lie within the marker by 0 to 1
+pixel along a row or column. So a side with the unit normal (a, b) is moved outwards by the mean of their distances,
+
+    max(|a|, |b|) / 2    [px of the image that was searched]
 """
 
 from __future__ import annotations
@@ -138,8 +143,23 @@ class MarkerDetector:
             found = _pair(found[0], found[1], self._apart)
         for row, seen in enumerate(found):
             if len(seen) == 1:
-                corners[row] = (seen[0] + 0.5) / enlargement - 0.5
+                corners[row] = (_with_outermost_pixels(seen[0]) + 0.5) / enlargement - 0.5
         return corners
+
+
+def _with_outermost_pixels(quad: Floats) -> Floats:
+    """Return a quadrilateral, (4, 2) [px], whose sides are moved outwards by half a pixel: see the module."""
+    along = np.roll(quad, -1, axis=0) - quad
+    turned = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    normal = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    outwards = np.sign(np.einsum("ij,ij->i", normal, quad - quad.mean(0)))[:, None]
+    normal *= outwards
+    place = np.einsum("ij,ij->i", normal, quad) + 0.5 * np.abs(normal).max(1)
+    before, placed = np.roll(normal, 1, axis=0), np.roll(place, 1)
+    sine = before[:, 0] * normal[:, 1] - before[:, 1] * normal[:, 0]
+    u = (placed * normal[:, 1] - before[:, 1] * place) / sine
+    v = (before[:, 0] * place - placed * normal[:, 0]) / sine
+    return np.stack([u, v], axis=1)
 
 
 def _pair(first: list[Floats], second: list[Floats], apart: float) -> list[list[Floats]]:

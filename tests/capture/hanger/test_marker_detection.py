@@ -7,7 +7,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from capture.hanger.marker_detection import MarkerDetector, diagonal_crossing
+from capture.hanger.marker_detection import (
+    MarkerDetector,
+    _with_outermost_pixels,
+    diagonal_crossing,
+    quad_side,
+)
 from capture.hanger.seen_otherwise import seen_otherwise
 from formats.rig import Hanger
 
@@ -57,6 +62,44 @@ def test_a_marker_is_as_far_to_the_right_in_an_enlarged_window_as_in_its_picture
     middle = np.array([79.5, 99.5]) + side / 2
     corners = MarkerDetector("DICT_4X4_50", (0, 1)).in_window(picture(side), 0, middle + 3.0, 1.5 * side, side)
     assert diagonal_crossing(corners) == pytest.approx(middle, abs=0.1)
+
+
+def turned(side, angle, middle, finer=4):
+    """A grey picture with marker 0 turned by an angle [degrees] about its middle [px], and its corners [px]."""
+    marker = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), 0, 60 * finer)
+    turn = cv2.getRotationMatrix2D((0.0, 0.0), angle, side / 60)
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) * 60 @ turn[:, :2].T + middle
+    turn[:, 2] = (middle + 0.5) * finer - 0.5 - turn[:, :2] @ [30 * finer - 0.5, 30 * finer - 0.5]
+    large = cv2.warpAffine(marker, turn, (160 * finer, 120 * finer), borderValue=200)
+    grey = cv2.resize(large, (160, 120), interpolation=cv2.INTER_AREA)
+    return np.repeat(grey[..., None], 3, axis=2), corners
+
+
+@pytest.mark.parametrize("angle", [0, 8, 30, 45])
+@pytest.mark.parametrize("side", [15, 22.5, 29, 34, 61])
+def test_a_marker_has_its_whole_side_over_all_positions_between_pixels(side, angle):
+    """Without the outermost half pixel it was short by 0.3 px enlarged 4 times, by 0.7 px twice, by 1 px once."""
+    detector = MarkerDetector("DICT_4X4_50", (0, 1))
+    sides, corners = [], []
+    for part in range(5):
+        middle = np.array([80.0, 60.0]) + np.array([part, (2 * part) % 5]) / 5
+        image, true = turned(side, angle, middle)
+        found = detector.in_window(image, 0, middle + 2.0, 1.5 * side, side)
+        sides.append((quad_side(found), quad_side(detector.in_picture(image)[0])))
+        corners.append(found - true)
+    fine, coarse = np.mean(sides, axis=0)
+    assert fine == pytest.approx(side, abs=0.2)
+    assert coarse == pytest.approx(side, abs=0.5)  # the picture is not enlarged
+    assert np.mean(corners, axis=0) == pytest.approx(np.zeros((4, 2)), abs=0.2)
+
+
+def test_sides_move_outwards_by_half_a_pixel_along_a_row_or_a_column_however_corners_are_ordered():
+    upright = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0]])
+    larger = [[-0.5, -0.5], [8.5, -0.5], [8.5, 6.5], [-0.5, 6.5]]
+    assert _with_outermost_pixels(upright) == pytest.approx(np.array(larger))
+    assert _with_outermost_pixels(upright[::-1]) == pytest.approx(np.array(larger[::-1]))
+    diamond = np.array([[0.0, -4.0], [4.0, 0.0], [0.0, 4.0], [-4.0, 0.0]])  # |a| = |b|: half of 1 / sqrt(2)
+    assert _with_outermost_pixels(diamond) == pytest.approx(diamond * 4.5 / 4.0)
 
 
 def plain(number):

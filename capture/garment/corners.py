@@ -10,9 +10,18 @@ Source of both: "Estimating the clothes characteristics with the image and depth
 fitting room", section 2.
 
 A Harris corner of a ragged edge has an error of some pixels. Lines are fitted to the two sides next to the corner,
-and their crossing refines it. The top side's line is the held edge itself, known from the markers. The fitted lines run
-through the centres of the outermost pixels. These lie within the garment by 0 to 1 pixel along a row or column. So a
-line with the unit normal (a, b) is moved outwards by the mean of their distances, max(|a|, |b|) / 2.
+and their crossing refines it. The top side's line is the held edge itself, known from the markers. A held corner
+without a crossing is put on that line. The fitted lines run through the centres of the outermost pixels. These lie
+within the garment by 0 to 1 pixel along a row or column. So a line with the unit normal (a, b) is moved outwards by the
+mean of their distances, max(|a|, |b|) / 2.
+
+A line is fitted to n pixels, s_k along and y_k across it from their mean. Its deviation at the corner, at s_0, is
+
+    sd^2    = alike sigma^2 v + c^2 + share max(0, bend^2 - 4 alike sigma^2 w)
+    sigma^2 = sum y_k^2 / n,    v = 1 / n + s_0^2 / sum s_k^2          noise; neighbouring pixels are alike
+    bend    = q(s_0) sum q_k y_k / sum q_k^2,    w = q(s_0)^2 / sum q_k^2      how far a parabola leaves the line
+
+with q(s) = s^2 less its own line. A bend within two deviations of its noise is none.
 """
 
 from __future__ import annotations
@@ -55,9 +64,19 @@ FARTHEST_REFINEMENT = 10.0
 # Sine of 20 degrees: there a crossing is 3 times as uncertain across as at right angles. Our choice: at half it is 6
 # times; at twice, 43 degrees, corners sharper than that would stay unrefined.
 FLATTEST_CROSSING = 0.34
-# px, a side is not quite straight near its end. On the same scenes the corners' z then has a deviation of 1.12. Half
-# gives 1.38, and double 0.88.
-CURL_SD = 0.5
+# outline pixels that hold the information of one, (1 + r) / (1 - r): neighbours' distances from a side's parabola have
+# a correlation r of 0.56 on the sets `development` and `development-2` of `benchmarks/stated_noise.py`.
+OUTLINE_ALIKE = 3.5
+ROUNDED_SD = 1.0 / math.sqrt(12.0)  # px, of an outline in whole pixels: a smoother one tells no more
+# px^2 and px^4: a strip one pixel wide may have its pixels at two positions alone, which bend no parabola.
+NO_SPREAD = 1e-9
+# px, of a side that no pixel shows. On the same sets the left side lies 0.25 px within the cloth: the projector's
+# shadow beside it takes the pixels that noise would add. Single recordings state 0.65 to 1.26 of their sides' errors.
+# Half of this gives 0.58 to 1.04, and double 0.87 to 1.89.
+CURL_SD = 0.3
+# of a bend's square beyond its noise, that the true side has beside its line. Half gives 0.61 to 1.25
+# there, and double 0.71 to 1.27.
+BEND_SHARE = 0.5
 # px, of the held edge across, where the markers' own deviation is not known. Our choice: three times what markers give
 # at 1.6 m, 0.25 mm.
 HELD_LINE_SD = 0.3
@@ -185,6 +204,8 @@ def _refine(
         if ends is not None and top is not None and i < 2 and abs(_across(top, near[0])) <= FARTHEST_REFINEMENT:
             near = np.vstack([near, ends[i]])  # the start may be the bar's end, farther out along the held edge
         corners[i], sd[i] = _refined(near, lines)
+        if held is not None and top is not None and len(near) > 1 and (sd[i] == HARRIS_SD).all():
+            corners[i], sd[i] = _on_held_edge(corners[i], top, held[1])
     return CornersInView(corners + offset, sd)
 
 
@@ -219,11 +240,33 @@ def _side_line(
         off = np.abs(a * away_x + b * away_y)
         scatter = max(LATERAL_SD, 1.5 * float(np.partition(off, off.size // 2)[off.size // 2]))
         arm = off < 2.5 * scatter
+    sd = _sd_at_corner(
+        away_x[arm] * b - away_y[arm] * a, away_x[arm] * a + away_y[arm] * b, a * middle_y - b * middle_x
+    )
     middle_x, middle_y = middle_x + x0, middle_y + y0
     if a * (middle_x - middle[0]) + b * (middle_y - middle[1]) < 0.0:
         a, b = -a, -b
     line = np.array([a, b, -(a * middle_x + b * middle_y) - 0.5 * max(abs(a), abs(b))])
-    return line, math.hypot(2.0 * scatter / math.sqrt(np.count_nonzero(arm)), CURL_SD)
+    return line, sd
+
+
+def _sd_at_corner(along: Floats, across: Floats, corner: float) -> float:
+    """Return the sd [px] of a side's line at its corner: see the module.
+
+    along, across [px], (n,): the side's pixels from its line's middle; corner [px]: of the corner, along the line
+    """
+    along, corner = along - float(along.mean()), corner - float(along.mean())
+    across = across - float(across.mean())
+    square = along * along
+    length = max(float(square.sum()), NO_SPREAD)
+    lean, level = float(along @ square) / length, length / along.size
+    arch = square - lean * along - level
+    arches = max(float(arch @ arch), NO_SPREAD)
+    weight = (corner**2 - lean * corner - level) ** 2 / arches
+    noise = OUTLINE_ALIKE * max(float(across @ across) / along.size, ROUNDED_SD**2)
+    bent = float(arch @ across) ** 2 / arches
+    variance = noise * (1.0 / along.size + corner**2 / length) + CURL_SD**2
+    return math.sqrt(variance + BEND_SHARE * weight * max(0.0, bent - 4.0 * noise))
 
 
 def _line_through(ends: Floats) -> Floats:
@@ -231,6 +274,12 @@ def _line_through(ends: Floats) -> Floats:
     along = ends[1] - ends[0]
     normal = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
     return np.array([normal[0], normal[1], -(normal @ ends[0])])
+
+
+def _on_held_edge(pixel: Floats, line: Floats, held_sd: float) -> tuple[Floats, Floats]:
+    """Return the pixel of the held edge's line nearest to an unrefined corner, and its sd [px], (2,) each."""
+    sd = np.hypot(HARRIS_SD * np.abs(line[[1, 0]]), held_sd * np.abs(line[:2]))
+    return pixel - float(_across(line, pixel)) * line[:2], sd
 
 
 def _across(line: Floats, pixels: Floats) -> Floats:

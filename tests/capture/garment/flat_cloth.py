@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 
+from capture.garment.corners import BEND_SHARE, CURL_SD, OUTLINE_ALIKE
 from capture.garment.silhouette import Silhouette, Window
 from formats.rig import Sensor
 
@@ -37,6 +40,22 @@ def sheet(rows=9, columns=12, slope=0.0):
     """A flat surface [m], (rows, columns, 3), whose depth rises by `slope` along x."""
     y, x = np.indices((rows, columns)) * H
     return np.stack([x, y, 1.6 + slope * x], axis=-1)
+
+
+def line_sd(along, across=0.0):
+    """The sd [px] of a side's line at its corner, 0 along it, by the covariance of numpy's least squares.
+
+    along, across [px], (n,): the side's pixels
+    """
+    along, across = np.asarray(along, float), np.broadcast_to(across, np.shape(along))
+    line = np.stack([np.ones(len(along)), along], axis=1)
+    across = across - across.mean()
+    solved = np.linalg.lstsq(line, along**2, rcond=None)[0]
+    arch = along**2 - line @ solved
+    bend = arch @ across / (arch @ arch)
+    noise = OUTLINE_ALIKE * max(np.mean(across**2), 1 / 12)
+    beyond_noise = max(0.0, bend**2 - 4 * noise / (arch @ arch)) * solved[0] ** 2
+    return math.sqrt(noise * np.linalg.inv(line.T @ line)[0, 0] + CURL_SD**2 + BEND_SHARE * beyond_noise)
 
 
 RECTANGLE = np.array([[20, 20], [179, 20], [179, 139], [20, 139]], float)  # px of the window

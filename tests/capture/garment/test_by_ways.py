@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,9 +30,7 @@ def step(monkeypatch):
         distances=FLAT, reach=0.5, area=0.12, from_ends=FLAT[:2], roles=[0, 1, 2, 3, 4], sides=FLAT[0]
     )
     tracker.held_corners = [0, 1, None, None]
-    tracker.finder = SimpleNamespace(
-        find=lambda *given: SimpleNamespace(pixels=np.full((4, 2), 300.0), sd=np.full((4, 2), 0.4))
-    )
+    seen = SimpleNamespace(pixels=np.full((4, 2), 300.0), sd=np.full((4, 2), 0.4))
     depth = np.zeros((480, 640), np.uint16)
     depth[242:340, 260:380] = 1600
     monkeypatch.setattr(tracker, "_ways_between", lambda surface, places: (None, FLAT))
@@ -40,7 +39,8 @@ def step(monkeypatch):
     monkeypatch.setattr(tracker, "_covered", lambda *given: NONE)
     monkeypatch.setattr(module, "SeenWays", lambda *given: None)
 
-    def go(frame, *, dropped=NONE, beyond=0.0, hidden=NONE):
+    def go(frame, *, dropped=NONE, beyond=0.0, hidden=NONE, tips=()):
+        tracker.finder = SimpleNamespace(find=lambda *given: seen, tips=tips)
         turn = iter(PLACES)
         far = SimpleNamespace(by_all=np.full(4, beyond), places=NEAREST)
         placer = SimpleNamespace(place=lambda pixel, sd: (next(turn).copy(), np.full(3, 0.002)))
@@ -53,15 +53,24 @@ def step(monkeypatch):
     return go
 
 
-def test_a_corner_at_the_nearest_cloth_is_as_uncertain_as_it_is_far_away(step):
-    """0.0055 of 1.616 m are 8.9 mm along each axis; the other corners stay where the outline has them."""
-    assert step(0).valid.all()
-    found = step(1, dropped=THIRD, beyond=0.019)
+@pytest.mark.parametrize("tips", [(), (2,)])
+def test_a_corner_at_the_nearest_cloth_is_as_uncertain_as_it_is_far_away(step, tips):
+    """Along each axis 0.0055 of 1.616 m, 8.9 mm; along x 19 mm too, but for the tip of a sleeve."""
+    assert step(0, tips=tips).valid.all()
+    found = step(1, dropped=THIRD, beyond=0.019, tips=tips)
     assert found.valid.all()
     assert found.points[[0, 1, 3]] == pytest.approx(PLACES[[0, 1, 3]])
     assert found.points[2] == pytest.approx([0.2, 0.29, 1.616])
-    assert found.sd[2] == pytest.approx([0.0055 * 1.616] * 3)
+    beside = 0.0 if tips else 0.019
+    assert found.sd[2] == pytest.approx([math.hypot(0.0055 * 1.616, beside), 0.0055 * 1.616, 0.0055 * 1.616])
     assert found.pixels[2] == pytest.approx([319.5 + 0.2 * 500 / 1.616, 239.5 + 0.29 * 500 / 1.616])
+
+
+def test_a_held_corner_is_not_placed_by_its_distances(step):
+    """The markers show the held edge; distances put such corners up to 32 mm from it."""
+    assert step(0).valid.all()
+    found = step(1, dropped=np.arange(4) == 1, beyond=0.001)
+    assert found.valid.tolist() == [True, False, True, True, False]
 
 
 @pytest.mark.parametrize(("beyond", "is_hidden"), [(0.021, False), (0.019, True)])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from capture.garment.corners import (
-    CURL_SD,
     HARRIS_SD,
     HELD_LINE_SD,
     PanelCorners,
@@ -16,10 +15,12 @@ from capture.garment.corners import (
     _across,
     _extreme,
     _line_through,
+    _on_held_edge,
     _refined,
+    _sd_at_corner,
     _side_line,
 )
-from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, RECTANGLE, WHOLE, rectangle, silhouette
+from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, RECTANGLE, TOP, WHOLE, line_sd, rectangle, silhouette
 from tests.capture.stage import covered_centres
 
 SIDES = np.full((4, 2), 120.0)
@@ -34,25 +35,35 @@ def test_corners_of_a_rectangle_lie_at_the_rims_of_its_outermost_pixels():
     found = PanelCorners().find(silhouette(WHOLE), window_held([20, 18], [179, 18]), SIDES)
     expected = LEFT_TOP + np.array([[19.5, 18], [179.5, 18], [179.5, 139.5], [19.5, 139.5]])
     assert found.pixels == pytest.approx(expected, abs=1e-6)
-    # A side of up to 45 px from 3 px on is 43 pixels: 2 x 0.8 px / sqrt 43 and 0.5 px of curl.
-    side = math.hypot(1.6 / math.sqrt(43), CURL_SD)
+    side = line_sd(np.arange(3, 46))  # up to 45 px from 3 px on
+    # 43 pixels rounded to whole ones, of which 3.5 are as one: 3.5 / 12 (1 / 43 + 24^2 / 6622), and 0.3 px of curl.
+    assert side == pytest.approx(math.sqrt(3.5 / 12 * (1 / 43 + 24**2 / 6622) + 0.09))
     assert found.sd == pytest.approx(np.array([[side, HELD_LINE_SD]] * 2 + [[side, side]] * 2), rel=1e-6)
 
 
 def test_a_shorter_side_gives_a_shorter_line():
     """0.6 of 50 px are 30: 28 pixels from 3 px on."""
     found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20], [179, 20]), np.full((4, 2), 50.0))
-    assert found.sd[2] == pytest.approx([math.hypot(1.6 / math.sqrt(28), CURL_SD)] * 2, rel=1e-6)
+    assert found.sd[2] == pytest.approx([line_sd(np.arange(3, 31))] * 2, rel=1e-6)
     # Each side has its own: before the corner the one to the right, after it the one below.
     sides = np.tile([50.0, 30.0], (4, 1))
     sd = PanelCorners().find(silhouette(WHOLE), window_held([20, 20], [179, 20]), sides).sd[2]
-    assert sd == pytest.approx([math.hypot(1.6 / math.sqrt(n), CURL_SD) for n in (28, 16)], rel=1e-6)
+    assert sd == pytest.approx([line_sd(np.arange(3, end)) for end in (31, 19)], rel=1e-6)
 
 
-def test_sides_too_short_for_a_line_leave_the_corner_as_it_was_found():
+def test_sides_too_short_for_a_line_leave_the_corner_as_it_was_found_and_a_held_one_on_the_held_edge():
     found = PanelCorners().find(silhouette(WHOLE), window_held([20, 20], [179, 20]), np.full((4, 2), 10.0))
-    assert found.sd.tolist() == [[HARRIS_SD] * 2] * 4
+    assert found.sd.tolist() == [[HARRIS_SD, HELD_LINE_SD]] * 2 + [[HARRIS_SD] * 2] * 2
     assert found.pixels == pytest.approx(LEFT_TOP + RECTANGLE, abs=2)
+    assert found.pixels[:2, 1] == pytest.approx(TOP + 20)
+
+
+def test_a_corner_on_a_slanted_held_edge_is_as_uncertain_along_it_as_a_harris_corner():
+    """Slope 3 / 4: of 2.5 px along and 0.3 across it. The pixel lies 5 px below the edge, and moves by that."""
+    line = np.array([-0.6, 0.8, 0.0])
+    pixel, sd = _on_held_edge(np.array([8.0, 6.0]) + 5.0 * line[:2], line, 0.3)
+    assert pixel == pytest.approx([8.0, 6.0])
+    assert sd == pytest.approx([math.hypot(0.8 * 2.5, 0.6 * 0.3), math.hypot(0.6 * 2.5, 0.8 * 0.3)])
 
 
 def test_a_held_edge_far_from_the_corners_leaves_them_as_they_were_found():
@@ -68,14 +79,16 @@ def test_a_corner_beside_a_longer_held_edge_is_refined_and_stays_where_it_was_fo
     found = PanelCorners().find(silhouette(WHOLE), window_held([5, 18], [194, 18]), SIDES)
     assert found.pixels[:2] == pytest.approx(LEFT_TOP + np.array([[19.5, 18], [179.5, 18]]), abs=1e-6)
     short = PanelCorners().find(silhouette(WHOLE), window_held([14, 18], [185, 18]), np.full((4, 2), 10.0))
-    assert short.sd.tolist() == [[HARRIS_SD] * 2] * 4
+    assert short.sd.tolist() == [[HARRIS_SD, HELD_LINE_SD]] * 2 + [[HARRIS_SD] * 2] * 2
     assert short.pixels == pytest.approx(LEFT_TOP + RECTANGLE, abs=2)
+    assert short.pixels[:2, 1] == pytest.approx(TOP + 18)
 
 
 def test_pixels_within_three_of_the_held_edge_are_no_side_above_it_or_below():
     """The held edge is 9 px below the cloth's top: of 43 pixels of the side, the five from 2 above to 2 below."""
     found = PanelCorners().find(silhouette(WHOLE), window_held([20, 29], [179, 29]), SIDES)
-    assert found.sd[0] == pytest.approx([math.hypot(1.6 / math.sqrt(38), CURL_SD), HELD_LINE_SD], rel=1e-6)
+    side = np.delete(np.arange(3, 46), np.arange(4, 9))
+    assert found.sd[0] == pytest.approx([line_sd(side), HELD_LINE_SD], rel=1e-6)
 
 
 def test_a_triangle_has_no_four_corners():
@@ -98,14 +111,35 @@ def test_a_side_without_its_outliers_counts_those_pixels_that_remain():
     heights[[14, 19, 29, 34]], heights[24] = 10.0, 2.5
     line, sd = row_of(heights)
     assert line == pytest.approx([0.0, 1.0, -2.5 / 39 - 0.5], abs=1e-9)
-    assert sd == pytest.approx(math.hypot(1.6 / math.sqrt(38), CURL_SD))
+    assert sd == pytest.approx(line_sd(np.delete(np.arange(3, 46), [11, 16, 21, 26, 31])))
 
 
 def test_a_ragged_side_is_as_uncertain_as_its_pixels_scatter():
-    """22 pixels 1 px off and 21 by turns -1 px: about 1 / 43, the middle distance is 42 / 43 px, times 1.5."""
-    line, sd = row_of(np.where(np.arange(46) % 2, 1.0, -1.0))
+    """22 pixels 1 px off and 21 by turns -1 px: 1 px rms about the line."""
+    heights = np.where(np.arange(46) % 2, 1.0, -1.0)
+    line, sd = row_of(heights)
     assert line == pytest.approx([0.0, 1.0, -1 / 43 - 0.5], abs=1e-9)
-    assert sd == pytest.approx(math.hypot(2 * 1.5 * 42 / 43 / math.sqrt(43), CURL_SD))
+    assert sd == pytest.approx(line_sd(np.arange(3, 46), heights[3:]))
+    assert sd == pytest.approx(math.sqrt(3.5 * (1 / 43 + 24**2 / 6622) + 0.09), rel=1e-3)
+
+
+def test_a_bent_side_is_as_uncertain_as_a_share_of_its_bend():
+    """A parabola of 43 px, 2 px deep, and with 0.2 px; either way along the outline."""
+    along = np.arange(46)
+    for depth in (2.0, 0.2):
+        heights = depth * ((along - 24) / 21) ** 2
+        assert row_of(heights)[1] == pytest.approx(line_sd(along[3:], heights[3:]))
+    straight = line_sd(along[3:])
+    bent = 2.0 * ((24 / 21) ** 2 - 1.0 / 3.0)  # px at the corner, of the parabola less its mean
+    assert math.sqrt(0.3) * bent < row_of(2.0 * ((along - 24) / 21) ** 2)[1] < math.sqrt(0.5) * bent
+    assert row_of(0.2 * ((along - 24) / 21) ** 2)[1] == pytest.approx(straight)  # no more than noise makes
+
+
+def test_pixels_at_two_positions_alone_bend_no_parabola():
+    """3.5 / 12 (1 / 4 + 1.5^2), and 0.3 px of curl; at one position nothing is known."""
+    along = np.array([1.0, 2.0, 2.0, 1.0])
+    assert _sd_at_corner(along, np.zeros(4), 0.0) == pytest.approx(math.sqrt(3.5 / 12 * (1 / 4 + 1.5**2) + 0.09))
+    assert _sd_at_corner(np.ones(4), np.zeros(4), 0.0) > 1e3
 
 
 def test_a_bars_end_beside_a_held_corner_does_not_move_it():
@@ -129,7 +163,7 @@ def test_corners_of_a_turned_rectangle_are_found_to_a_third_of_a_pixel():
     found = PanelCorners().find(silhouette(mask), true[:2] + LEFT_TOP, SIDES)
     assert np.abs(found.pixels - LEFT_TOP - true).max() < 0.35
     normals = np.hypot([c, s], [s, c])
-    assert found.sd[2] == pytest.approx(normals * math.hypot(1.6 / math.sqrt(46), CURL_SD), rel=0.05)
+    assert found.sd[2] == pytest.approx(normals * line_sd(np.arange(3, 46)), rel=0.05)
 
 
 def test_a_line_of_pixels_has_no_four_corners():
@@ -222,7 +256,7 @@ def test_a_side_is_followed_through_the_outlines_first_pixel_either_way():
             for start, end in (at, at[::-1]):
                 line, sd = _side_line(turned, start, end, middle, 45.0, None)
                 assert line == pytest.approx([0.0, 1.0, -139.5], abs=1e-9)
-                assert sd == pytest.approx(math.hypot(1.6 / math.sqrt(43), CURL_SD))
+                assert sd == pytest.approx(line_sd(np.arange(3, 46)))
 
 
 @pytest.mark.parametrize("degrees", [3, 10, 20, 30, 37])

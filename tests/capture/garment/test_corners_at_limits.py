@@ -12,7 +12,6 @@ from capture.depth.surface import LATERAL_SD
 from capture.errors import UntrackableError
 from capture.garment import corners as module
 from capture.garment.corners import (
-    CURL_SD,
     FARTHEST_REFINEMENT,
     FLATTEST_CROSSING,
     HARRIS_SD,
@@ -29,7 +28,7 @@ from capture.garment.corners import (
 from capture.garment.flat_garment import GRID_STEP, _laid_flat
 from capture.garment.geodesic import _spacing
 from capture.garment.occlusion import folded_away, is_behind_something
-from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, TOP, WHOLE, rectangle, silhouette
+from tests.capture.garment.flat_cloth import LEFT, LEFT_TOP, TOP, WHOLE, line_sd, rectangle, silhouette
 from tests.capture.garment.test_corners import SIDES, row_of, window_held
 from tests.capture.garment.test_flat_garment import OUTLINE, of, skirt
 
@@ -116,7 +115,7 @@ def test_a_pixel_exactly_two_and_a_half_scatters_from_a_side_does_not_count():
     heights[24], heights[[14, 34]] = 2.0, -1.0
     assert 2.5 * LATERAL_SD == 2.0
     _, sd = row_of(heights)
-    assert sd == pytest.approx(math.hypot(1.6 / math.sqrt(42), CURL_SD))
+    assert sd == pytest.approx(line_sd(np.delete(np.arange(3, 46), 21), np.delete(heights[3:], 21)))
 
 
 def test_lines_that_cross_exactly_ten_pixels_away_or_at_the_flattest_angle_refine():
@@ -136,7 +135,7 @@ def test_a_line_is_no_longer_than_three_fifths_of_the_side_in_view(corner):
     outline = ring(50, 50)
     for neighbour in (1, 3):
         line = _side_line(outline, 49 * corner, 49 * neighbour, outline.mean(0), 45.0, None)
-        assert line[1] == pytest.approx(math.hypot(1.6 / math.sqrt(27), CURL_SD))
+        assert line[1] == pytest.approx(line_sd(np.arange(3, 30)))
 
 
 @pytest.mark.parametrize(("longest", "is_line"), [(10.0, True), (9.9, False)])
@@ -148,7 +147,7 @@ def test_eight_pixels_are_a_line(longest, is_line):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_sides_scatter_is_the_middle_of_all_distances_from_its_line(seed):
+def test_a_side_has_the_scatter_of_all_its_pixels(seed):
     """43 pixels, symmetric about the middle one; none lies beyond 2.5 scatters, so that all of them count twice."""
     away = np.abs(np.arange(46) - 24)
     heights = np.random.default_rng(seed).uniform(-3.0, 3.0, 25)[away]
@@ -159,7 +158,7 @@ def test_a_sides_scatter_is_the_middle_of_all_distances_from_its_line(seed):
     scatter = 1.5 * off[len(off) // 2]
     assert off[-1] < 2.5 * scatter
     assert scatter > 1.5
-    assert sd == pytest.approx(math.hypot(2 * scatter / math.sqrt(len(off)), CURL_SD), rel=1e-3)
+    assert sd == pytest.approx(line_sd(np.arange(3, 46), chosen), rel=1e-3)
 
 
 @pytest.mark.parametrize(("finder", "fewest"), [(PanelCorners(), 4), (ShirtCorners(), 2)])

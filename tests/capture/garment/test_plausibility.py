@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
+from capture.depth.surface import CorrelationMeter
 from capture.garment.plausibility import UNSETTLED_SD, MotionGate
+from capture.garment.tracker import SilhouetteTracker
+from firmware_host.synthetic.garments import GARMENTS
+from firmware_host.synthetic.scene import RIG
 
 SD = np.full((1, 3), 0.002)
 PERIOD = 1 / 30
@@ -94,3 +100,17 @@ def test_a_point_that_was_seen_once_gives_no_other_point_its_freedom():
     for k in range(3):
         two.admit(np.vstack([at(0.0), at(1.0 if k == 2 else np.nan)]), sd, k * PERIOD)
     assert two.admit(np.vstack([at(0.15), at(1.0)]), sd, 3 * PERIOD)[0].tolist() == [False, True]
+
+
+def test_the_centre_has_a_share_of_a_wrong_corners_error():
+    """Of 10 mm in the first detections after a gap, 3.54 mm in a panel's diagonals; the tracker asks for that.
+
+    The corner itself is wrong in depth, and across the view by 0.4 of it.
+    """
+    gate, sd = MotionGate(2, np.array([[0.4, 0.4, 1.0], [1 / (4 * math.cos(math.pi / 4))] * 3])), np.full((2, 3), 1e-6)
+    places, gone = np.tile([0.0, 0.0, 1.6], (2, 1)), np.full((2, 3), np.nan)
+    for k, shown in enumerate((places, places, gone, places)):
+        found = gate.admit(shown, sd, k / 30)[1]
+    assert found == pytest.approx(np.array([[0.004, 0.004, 0.010], [0.00354] * 3]), abs=1e-5)
+    made = SilhouetteTracker(GARMENTS["swatch"](), RIG, CorrelationMeter())
+    assert made._gate._unsettled == pytest.approx(np.array([[0.004, 0.004, 0.010]] * 4 + [[0.00354] * 3]), abs=1e-5)

@@ -114,11 +114,11 @@ def test_the_last_window_is_trusted_for_exactly_its_time(tracker):
 
 
 def test_a_corner_exactly_three_centimetres_from_the_held_edges_end_is_not_held(tracker):
-    held = np.zeros((2, 3))
+    held = np.tile([0.0, 0.0, 1.6], (2, 1))
     tracker.held_corners = [0, 1, None, None]
-    places = np.zeros((4, 3))
+    places = np.tile([0.0, 0.0, 1.6], (4, 1))
     places[:2, 0] = 0.03, np.nextafter(0.03, 0.0)
-    assert tracker._match_held(places, np.full((4, 3), 0.003), held).tolist() == [False, True, False, False]
+    assert tracker._match_held(places, np.full((4, 3), 0.003), held, 0.0).tolist() == [False, True, False, False]
 
 
 @pytest.mark.parametrize(("beyond", "is_placed"), [(BY_WAYS, False), (np.nextafter(BY_WAYS, 0.0), True)])

@@ -246,7 +246,7 @@ def test_a_rig_with_other_marker_sizes_is_distinguished_from_markers_that_are_no
     hanger = msgspec.structs.replace(HANGER, **wrong)
     said = []
     with pytest.raises(
-        NoMarkersError, match=rf"depth shows markers of 5\d mm .* measure hanger.{next(iter(wrong))} again$"
+        NoMarkersError, match=rf"depth shows markers of 6[01] mm .* measure hanger.{next(iter(wrong))} again$"
     ):
         record(
             StageSensor(good * 4), msgspec.structs.replace(RIG, hanger=hanger), GARMENT, tmp_path / "t.mcap",

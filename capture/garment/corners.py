@@ -64,7 +64,7 @@ FARTHEST_REFINEMENT = 10.0
 # Sine of 20 degrees: there a crossing is 3 times as uncertain across as at right angles. Our choice: at half it is 6
 # times; at twice, 43 degrees, corners sharper than that would stay unrefined.
 FLATTEST_CROSSING = 0.34
-# outline pixels that hold the information of one, (1 + r) / (1 - r): neighbours' distances from a side's parabola have
+# outline pixels that hold the information of one, (1 + r) / (1 - r). Neighbours' distances from a side's parabola have
 # a correlation r of 0.56 on the sets `development` and `development-2` of `benchmarks/stated_noise.py`.
 OUTLINE_ALIKE = 3.5
 ROUNDED_SD = 1.0 / math.sqrt(12.0)  # px, of an outline in whole pixels: a smoother one tells no more

@@ -73,9 +73,9 @@ NEAREST_HANGER = 0.1  # m; a hanger cannot be nearer, so this is an error
 # m, a held corner this far from the held edge's end is not that corner. On the same scenes half puts the corners' 95 %
 # at 9.7 mm in place of 9.9, and double changes nothing.
 HELD_MATCH = 0.03
-# x, y and z, of the error in depth of a corner that its distances or a gap make doubtful: the image itself shows where
-# the cloth ends across the view. On the sets `development` and `development-2` of `benchmarks/stated_noise.py` corners
-# with an excess of 5 mm or more err by 5, 6 and 16 mm, and those after a gap by 4, 4 and 12 mm.
+# x, y and z, of the error in depth of a corner that its distances or a gap make doubtful. The image itself shows where
+# the cloth ends across the view. On the sets `development` of `benchmarks/stated_noise.py` corners with an excess of
+# 5 to 10 mm err by 5, 7 and 16 mm. Those after a gap err by 4, 4 and 12 mm.
 DOUBT_ALONG = np.array([0.4, 0.4, 1.0])
 # m: a doubtful corner that is at most so far beyond the visible cloth lies at its nearest point. On the same scenes the
 # corners' 95 % are 9.9 mm, and 96.7 % are located. Half gives 9.2 mm and 95.3 %, double 10.8 mm and 97.9 %.

@@ -27,7 +27,7 @@ from formats.arrays import Booleans, Floats
 # double 0.88 to 1.06.
 STATED_FRAMES = 3.0
 # s, of the memory: a swing's hardest part is about as long. Half and double give 0.90 to 1.13 and 0.90 to 1.14.
-MEMORY = 0.2
+HELD_MEMORY = 0.2
 # own deviations along each axis by which a held corner and the held edge's end differ from noise alone: 95 % do
 SURPRISE = 2.0
 
@@ -46,7 +46,7 @@ class HeldScatter:
         places, apart, sd [m], (corners, 3): positions, distances from the ends of the held edge, stated deviations;
         is_held, (corners,): which corners are such ends. The others' deviations stay.
         """
-        fade = math.exp(-(time - self._time) / MEMORY)
+        fade = math.exp(-(time - self._time) / HELD_MEMORY)
         self._time = time
         self._sum *= fade
         self._weight *= fade

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from capture.garment.held_scatter import MEMORY, HeldScatter
+from capture.garment.held_scatter import HELD_MEMORY, HeldScatter
 
 PERIOD = 1 / 30  # s
 PLACES = np.array([[-0.2, 0.0, 1.6], [0.2, 0.0, 1.6], [0.2, 0.4, 1.6], [-0.2, 0.4, 1.6]])
@@ -46,10 +46,10 @@ def test_a_frame_that_is_far_off_is_wrong_at_once():
 def test_long_after_the_deviation_is_nearly_the_distance_and_is_forgotten_again():
     scatter = HeldScatter(4)
     found = stated(np.full((4, 3), 0.006), 60, scatter=scatter)
-    frames = 1 / (1 - math.exp(-PERIOD / MEMORY))
+    frames = 1 / (1 - math.exp(-PERIOD / HELD_MEMORY))
     assert found[0, 0] == pytest.approx(0.002 * math.sqrt((3 + 9 * frames) / (3 + frames)), rel=1e-4)
     assert 0.005 < found[0, 0] < 0.006
-    after = stated(np.zeros((4, 3)), scatter=scatter, begin=60 * PERIOD + 10 * MEMORY)
+    after = stated(np.zeros((4, 3)), scatter=scatter, begin=60 * PERIOD + 10 * HELD_MEMORY)
     assert after[0, 0] == pytest.approx(0.002 * math.sqrt(3 / 4), rel=1e-3)
 
 
@@ -57,8 +57,8 @@ def test_a_corner_that_is_not_held_in_a_frame_leaves_its_memory_as_it_fades():
     scatter = HeldScatter(4)
     scatter.stated(PLACES, np.full((4, 3), 0.006), SD, HELD, 0.0)
     gone = np.full((4, 3), np.nan)
-    assert scatter.stated(PLACES, gone, SD, ~np.ones(4, bool), MEMORY).tolist() == SD.tolist()
-    found = scatter.stated(PLACES, np.zeros((4, 3)), SD, HELD, 2 * MEMORY)
+    assert scatter.stated(PLACES, gone, SD, ~np.ones(4, bool), HELD_MEMORY).tolist() == SD.tolist()
+    found = scatter.stated(PLACES, np.zeros((4, 3)), SD, HELD, 2 * HELD_MEMORY)
     before = math.exp(-2)
     assert found[0, 0] == pytest.approx(0.002 * math.sqrt((3 + 9 * before) / (4 + before)))
 

@@ -10,7 +10,9 @@ from typing import Annotated, Any
 
 import typer
 
+from formats import terminal
 from formats.command_groups import APPLIANCE
+from formats.errors import HangtimeError
 from formats.help_pages import OUTPUT
 from formats.plain_text import with_advice
 from formats.telling import tell, tell_fault
@@ -59,6 +61,7 @@ def status_command(
     preview: Annotated[
         Path | None, typer.Option("--preview", metavar="FILE.png", help="Also write the picture that the sensor sees.")
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the picture FILE.png.")] = False,
 ) -> None:
     """Show the state of the appliance: each fault with its next step, and the counts.
 
@@ -66,21 +69,36 @@ def status_command(
     """
     from capture.appliance.control import ask, picture_in
     from capture.appliance.status import lines
-    from formats.outputs import AS_PICTURE, check_place
-    from formats.whole_files import write_whole
+    from formats.outputs import AS_PICTURE, check_place, refuse_to_replace, write_bytes
 
     if preview is not None:
         check_place(preview, *AS_PICTURE)
+        refuse_to_replace(preview, overwrite=overwrite)
     answer = ask(socket, "status")
     seen = ask(socket, "preview")
     answer["sees"] = seen["line"]
     tell("\n".join([*lines(answer), f"sees: {seen['line']}"]), **answer)
-    if preview is not None:
-        write_whole(preview, picture_in(seen))
+    picture = picture_in(seen)
+    if preview is not None and picture:
+        write_bytes(preview, picture, overwrite=overwrite)
     if answer["state"] == "fault":
         for fault in answer["faults"]:
             tell_fault(with_advice(fault["sentence"], fault["advice"]))
+        if preview is not None and not picture:
+            terminal.say(f"hangtime: {_no_picture(preview)}", is_error=True)
         raise typer.Exit(1)
+    if preview is not None and not picture:
+        raise _no_picture(preview)
+
+
+def _no_picture(preview: Path) -> HangtimeError:
+    """Return the error of a picture that was asked for before the sensor sent one."""
+    from capture.errors import ControlError
+
+    return ControlError(
+        "is not written, because the sensor sent no picture yet", where=preview,
+        advice="repeat the command once `hangtime status` says what it sees",
+    )  # fmt: skip
 
 
 def watch_command(

@@ -27,7 +27,7 @@ from fit.export.fabric import Fabric
 from fit.export.moving import Moving
 from fit.export.solids import Solids
 from fit.export.usd_stage import FIGURE, define_cloth, define_mesh, new_stage, usd_bytes
-from formats.arrays import Floats
+from formats.arrays import Floats, Singles
 from formats.fit_records import FitResult
 from formats.rows import csv_text
 
@@ -51,12 +51,20 @@ def motion_csv(moving: Moving) -> str:
 
 
 def motion_rows(moving: Moving) -> Iterator[Sequence[object]]:
-    """Yield a row per point and frame: the simulated tracked points, and the ends of the held edge."""
+    """Yield a row per point and frame: the simulated tracked points, and the ends of the held edge.
+
+    A 32-bit float is its shortest decimal, such as 0.2 and not 0.20000000298023224, and reads back as itself.
+    """
     named = [*moving.point_names, "held_left", "held_right"]
-    places = np.concatenate([moving.points, moving.held], axis=1)
+    places = np.concatenate([_in_shortest_decimals(moving.points), _in_shortest_decimals(moving.held)], axis=1)
     for n, t in enumerate(moving.time):
         for k, name in enumerate(named):
             yield (float(t), name, *places[n, k].tolist())
+
+
+def _in_shortest_decimals(places: Floats | Singles) -> Floats:
+    """Return 32-bit floats as the doubles of their shortest decimals; other numbers unchanged."""
+    return (places.astype(str) if places.dtype == np.float32 else places).astype(np.float64)
 
 
 def usd_cache(result: FitResult, fabric: Fabric | None, moving: Moving) -> bytes:

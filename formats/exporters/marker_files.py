@@ -36,7 +36,13 @@ MOST_C3D_FRAMES = 65534
 
 
 def marker_tracks(take: Take) -> MarkerTracks:
-    """Return the paths of a take's tracked points, from its first frame at 0 s."""
+    """Return the paths of a take's tracked points, from its first frame at 0 s.
+
+    Raises:
+        TakeError: the take has no frame.
+    """
+    if len(take.time) == 0:
+        raise TakeError("holds no frame", where=_whence(take), advice="export a take with a frame or more")
     labels, positions = list(take.garment.point_names), take.points
     ends = [end for end, name in enumerate(HELD) if name not in labels and not _is_a_point(take, end)]
     if ends:
@@ -60,7 +66,7 @@ def write_csv(path: Path, take: Take, *, overwrite: bool = True) -> None:
     """Write a take's marker trajectories as CSV (`hangtime import` reads it).
 
     Raises:
-        TakeError: a name cannot be written so that the import returns it.
+        TakeError: the take has no frame, or a name cannot be written so that the import returns it.
         OutputError: the file exists and may not be replaced, or cannot be written.
     """
     tracks = marker_tracks(take)
@@ -97,7 +103,7 @@ def write_c3d(path: Path, take: Take, *, overwrite: bool = True) -> str:
     """Write a take's marker trajectories as C3D, in millimetres; return a note on moved frames, '' for none.
 
     Raises:
-        TakeError: the frames have no steady rate, or a name is longer than a C3D file can hold.
+        TakeError: the take has no frame, its frames have no steady rate, or a name is longer than a C3D file can hold.
         OutputError: the file exists and may not be replaced, or cannot be written.
     """
     tracks = marker_tracks(take)

@@ -6,12 +6,11 @@ An import takes no folder, since its files may be of several garments, units and
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
 from formats.errors import TakeError
-from formats.plain_text import joined, plain
+from formats.plain_text import as_typed, joined
 
 
 def refuse_folder(path: Path, endings: Sequence[str]) -> None:
@@ -28,7 +27,7 @@ def refuse_folder(path: Path, endings: Sequence[str]) -> None:
         found = sorted({Path(name).suffix for name in os.listdir(path)})
     except OSError:  # a folder that cannot be listed may still hold files to name
         raise TakeError("is a folder", where=path, advice="give the files in it") from None
-    shown = plain(shlex.quote(str(path)))
+    shown = as_typed([str(path)])
     if readable := [ending for ending in found if ending.lower() in endings]:
         patterns = " ".join(f"{shown}/*{ending}" for ending in readable)
         raise TakeError("is a folder", where=path, advice=f"give the files in it, as in {patterns}")

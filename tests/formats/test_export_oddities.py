@@ -107,6 +107,16 @@ def test_a_take_without_one_rate_is_refused_with_the_frame_that_is_farthest_off(
         at_one_rate(paths(*time), "t")
 
 
+@pytest.mark.parametrize("write", [write_csv, write_c3d])
+def test_a_take_of_no_frame_is_refused_and_leaves_no_file(tmp_path, write):
+    take = a_take(20)
+    none = {name: getattr(take, name)[:0] for name in ("time", "held", "held_valid", "points", "points_valid")}
+    path = tmp_path / f"a.{write.__name__[-3:]}"
+    with pytest.raises(TakeError, match=r"holds no frame; export a take with a frame or more$"):
+        write(path, replace(take, **none))
+    assert not path.exists()
+
+
 def test_the_longest_take_that_c3d_can_hold_is_put_at_its_rate():
     assert len(at_one_rate(paths(0, 0.01, 0.02, 655.33), "t")[1]) == 65534
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import subprocess
 import time
 import warnings
 import zipfile
@@ -98,6 +99,18 @@ def test_a_folder_is_refused_with_a_pattern_of_its_files(tmp_path, name, inside,
     done = hangtime_here("import", name, "--garment", "swatch.toml", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith(f"hangtime: {name}: {said.replace('NAME', shlex.quote(name))}")
+
+
+@pytest.mark.parametrize("name", ["a\x1b[2J", "a\nb", "a\u202eb", "it's"])
+def test_the_pattern_of_a_folder_with_an_odd_name_is_one_that_a_shell_takes(tmp_path, name):
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "x.csv").touch()
+    (tmp_path / "swatch.toml").write_text(dump_description(GARMENT))
+    done = hangtime_here("import", name, "--garment", "swatch.toml", folder=tmp_path)
+    pattern = done.stderr.split("as in ")[1].removesuffix("\n")
+    assert pattern.isprintable()
+    listed = subprocess.run(["bash", "-c", f"printf %s {pattern}"], cwd=tmp_path, capture_output=True, check=True)
+    assert listed.stdout.decode() == f"{name}/x.csv"
 
 
 def test_an_unknown_subject_is_named_with_those_that_are_there(tmp_path):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import contextlib
 import threading
 from datetime import UTC, datetime
+from functools import partial
 
 import pytest
 
@@ -61,11 +64,11 @@ def test_a_fault_of_sync_that_asks_ends_with_its_question():
     assert said[0] == "Sync fails: is the server on? Next: look at it."
 
 
-def test_the_command_joins_a_question_and_its_step_in_its_error_too(tmp_path):
-    """The recorder's own socket answers; the recorder's state is given."""
-    fault = {"sentence": "was 0.1 meant?", "advice": "mend that setting"}
-    answers = {"status": told(state="fault", faults=[fault]), "preview": {"line": "no frame yet", "png": ""}}
-    server, is_over = ControlServer(tmp_path / "s"), threading.Event()
+@contextlib.contextmanager
+def served(folder, status, preview):
+    """The recorder's own socket `s` answers; the recorder's state and picture are given."""
+    answers = {"status": status, "preview": preview}
+    server, is_over = ControlServer(folder / "s"), threading.Event()
 
     def serve():
         while not is_over.wait(0.01):
@@ -74,11 +77,48 @@ def test_the_command_joins_a_question_and_its_step_in_its_error_too(tmp_path):
     server_thread = threading.Thread(target=serve)
     server_thread.start()
     try:
-        words = ("status", "--socket", str(tmp_path / "s"))
-        done, told_programs = hangtime_here(*words, folder=tmp_path), hangtime_here(*words, "--json", folder=tmp_path)
+        yield partial(hangtime_here, "status", "--socket", str(folder / "s"), folder=folder)
     finally:
         is_over.set()
         server_thread.join()
         server.close()
+
+
+NO_FRAME = {"line": "no frame yet", "png": ""}
+
+
+def test_the_command_joins_a_question_and_its_step_in_its_error_too(tmp_path):
+    fault = {"sentence": "was 0.1 meant?", "advice": "mend that setting"}
+    with served(tmp_path, told(state="fault", faults=[fault]), NO_FRAME) as status:
+        done, told_programs = status(), status("--json")
     assert "! was 0.1 meant? Mend that setting\n" in done.stdout
     assert told_programs.stderr == "hangtime: was 0.1 meant? Mend that setting\n"
+
+
+def test_a_picture_that_is_there_stays_without_overwrite(tmp_path):
+    (tmp_path / "x.png").write_bytes(b"mine")
+    with served(tmp_path, told(state="armed"), {"line": "seen", "png": base64.b64encode(b"new").decode()}) as status:
+        kept = status("--preview", "x.png")
+        assert (kept.returncode, kept.stdout, kept.stderr) == (
+            2, "", "hangtime: x.png: is already there; give another name, or --overwrite to replace it\n",
+        )  # fmt: skip
+        assert (tmp_path / "x.png").read_bytes() == b"mine"
+        assert status("--preview", "x.png", "--overwrite").returncode == 0
+    assert (tmp_path / "x.png").read_bytes() == b"new"
+
+
+def test_before_the_first_frame_no_picture_is_written_and_the_command_says_so(tmp_path):
+    """The file was replaced by an empty one."""
+    (tmp_path / "x.png").write_bytes(b"mine")
+    none = "hangtime: x.png: is not written, because the sensor sent no picture yet; repeat the command once "
+    none += "`hangtime status` says what it sees\n"
+    with served(tmp_path, told(state="armed"), NO_FRAME) as status:
+        done = status("--preview", "x.png", "--overwrite")
+    assert (done.returncode, done.stderr) == (2, none)
+    assert "sees: no frame yet" in done.stdout
+    fault = {"sentence": "no depth sensor is connected", "advice": "plug it in"}
+    with served(tmp_path, told(state="fault", faults=[fault]), NO_FRAME) as status:
+        done = status("--preview", "x.png", "--overwrite")
+    assert (done.returncode, done.stderr) == (1, none)
+    assert "! no depth sensor is connected; plug it in\n" in done.stdout
+    assert (tmp_path / "x.png").read_bytes() == b"mine"

@@ -161,6 +161,20 @@ def test_rows_of_motion_are_the_points_then_the_held_ends_of_each_frame():
     assert rows[5][2:] == pytest.approx(moved().held[1, 1])
 
 
+def test_a_motion_in_text_has_the_shortest_decimal_of_each_32_bit_float():
+    """It was written as a double, -0.20000000298023224; a double keeps every digit."""
+    rng = np.random.default_rng(3)
+    single = rng.normal(size=(3, 1, 3)).astype(np.float32) * np.float32([1.0, 1e-6, 1e9])
+    single[0] = [-0.2, 0.1, 16777216.0]
+    made = dataclasses.replace(moved(), points=single, held=rng.normal(size=(3, 2, 3)))
+    rows = [line.split(",") for line in caches.motion_csv(made).splitlines()[1:]]
+    assert rows[0][2:] == ["-0.2", "0.1", "16777216.0"]
+    assert np.float32([row[2:] for row in rows[::3]]).tolist() == single[:, 0].tolist()
+    shown = [cell.lstrip("-").split("e")[0].replace(".", "").strip("0") for row in rows[::3] for cell in row[2:]]
+    assert max(map(len, shown)) <= 9
+    assert [list(map(float, row[2:])) for row in rows if row[1] == "held_right"] == made.held[:, 1].tolist()
+
+
 def test_an_obj_counts_from_one_and_holds_the_flat_places_and_the_rate():
     made = moved()
     lines = caches.obj(a_fit(), None, made).decode().splitlines()

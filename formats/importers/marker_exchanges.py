@@ -1,63 +1,62 @@
 """Find markers whose labels are exchanged for some frames: each continues the path of another one.
 
-The straight line through the last two positions of a path predicts the next one. So does the last position alone. Some
-markers have exchanged labels if each position `z_j` is near another path's prediction, `p_i`, and far from its own two:
+`exchange_candidates` finds where labels go on near other markers' paths. `exchange_evidence` weighs each of these
+exchanges by its evidence E, the logarithm of a ratio of likelihoods. Exchanges of the same labels count together where
+the two largest E sum to more than `SURE_EXCHANGE`. The others of these labels then count from `WEAK_EXCHANGE` on, as
+noise may hide an end. An exchange without a return counts from `WITHOUT_RETURN` on, as it may cost half of the file's
+positions.
 
-    PATH_LEAP |z_j - p_i|  <  |z_j - p_j|,    |z_j - p_j|  >  max(LEAST_LEAP, PATH_UNUSUAL q_j),    i = c(j)
-
-`c` permutes these markers. All `p_i` are of one kind, lines or last positions. `q_j` is the median distance of the
-marker's positions from their lines, so labels may be exchanged in one frame of seven. A marker that no three frames in
-a row show has no `q_j`, and leaps nowhere. Markers that cross each other go on along their own lines, so honest
-positions fulfil the first rule for no permutation.
-
-Behind a gap, all markers are far from their predictions, and among many some are near another one's by chance. So
-`q_j` and `LEAST_LEAP` grow with the gap, as constant acceleration leads away from a line. Where frames are lost that
-the times do not show, all leap. So each of these markers is also `PATH_UNUSUAL` times as far from its own predictions
-as the median of the others.
-
-Noise may hide one end of an exchange. The honest positions beside the other end would then count as exchanged. So a
-second search eases the rules for the markers that the first one finds.
+Of 6000 drawn honest takes, 16 had exchanges with an E above 5, and none above 8. Each further 1 halves their number.
+So about one honest take in 20,000 has a false exchange. No two exchanges of the same labels had a sum above 8.
 
 Behind an exchange, the paths go on under the other labels until the next one. The name that a label's path has in most
 frames counts as right. Positions under another name count as not seen.
 
-Where several markers leap off their lines in nearly all frames, they have no paths, and no exchange is told.
 Labels that are exchanged throughout the file leap nowhere, and those that are exchanged while a marker is hidden leap
 unseen. `marker_neighbours` compares them with the garment.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from bisect import bisect, insort
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from formats.arrays import Floats, Integers, Singles
+from formats.importers.exchange_candidates import LEAST_LEAP, NOISE_ON, Joins, candidates
+from formats.importers.exchange_evidence import LED_OVER, Exchanges, Sights, evidence
 from formats.importers.number_cells import CELL_SHOWN
+from formats.importers.path_roughness import POSITIONS_BESIDE, is_smooth, noise_of, roughness, usual_roughness
 from formats.plain_text import MOST_LISTED, first_few
 
-PATH_LEAP = 3.0  # times; our choice: no false exchange in 4 real C3D recordings and 3600 drawn motions
-LEAST_LEAP = 0.005  # m; our choice: markers of cloth have diameters of 6 mm or more, and their centres are as far apart
-PATH_UNUSUAL = 3.0  # times the median; our choice: 8 finds no exchange in motion of 120 m/s^2 at 30 frames a second
-# Times, for markers whose labels are exchanged elsewhere in the file. Our choice: at 1 noise of 3 mm hides one return
-# in five, and at 2 none of 120 that were drawn.
-EASE = 2.0
+SURE_EXCHANGE, WITHOUT_RETURN, WEAK_EXCHANGE = 11.0, 13.0, 2.0  # E, see above
+SOUGHT_EXCHANGE = 5.0  # E of an exchange whose return is sought; our choice: a return then makes it sure
+MOST_SOUGHT = 50  # exchanges whose returns are sought; our choice: bounds time, and garments have fewer at once
+LONGEST_WHOLE = 2  # frames of an exchange that is weighed as a whole
+# m: a path that is smoother has no leap. A leap of 5 mm at an end of the file has half its roughness elsewhere.
+LEAST_ROUGH_LEAP = LEAST_LEAP / (2 * NOISE_ON)
 FEWEST_FRAMES = 5  # our choice: fewer do not show the usual distance
-LED_OVER = 12  # frames that a prediction spans; our choice: cloth turns within more at 100 frames a second
-PATH_FRAMES_AT_ONCE = 1 << 12  # our choice: bounds memory, and no result depends on it
-# Share of the frames. Our choice: three pairs, each exchanged in one frame of twelve, leap in three frames of four.
-# Numbers that are no paths leap in all.
-MOST_LEAPING_FRAMES = 0.9
-MOST_LEAPING = 200  # markers in one frame; our choice: bounds time, and garments have fewer
+MARKER_POSITIONS_AT_ONCE = 1 << 13  # our choice: bounds memory, and no result depends on it
+FEWEST_AT_ONCE = 64  # frames; our choice: fewer cost more time for those around them
 
 
 @dataclass(frozen=True)
-class _Change:
-    """The label under which each path goes on from a frame on, (paths,): an index among the markers that are seen."""
+class _Exchange:
+    """An exchange from a frame on, or in `length` frames: each label goes on with the path under another one."""
 
     frame: int
+    length: int
     label: Integers
+    path: Integers
+    told: float  # E
+
+    @property
+    def names(self) -> frozenset[int]:
+        """The labels."""
+        return frozenset(self.label.tolist())
 
 
 def remove_exchanged(time: Floats, positions: Floats, labels: Sequence[str], where: Callable[[int], str]) -> str:
@@ -69,12 +68,13 @@ def remove_exchanged(time: Floats, positions: Floats, labels: Sequence[str], whe
     seen = np.flatnonzero(np.isfinite(positions[..., 0]).any(0))
     if len(time) < FEWEST_FRAMES or len(seen) < 2 or not (np.diff(time) > 0).all():
         return ""
-    changes = _changes(time, positions, seen, np.ones(len(seen)))
-    ease = np.where(np.ptp([change.label for change in changes], axis=0) > 0, EASE, 1.0)
-    if (ease > 1.0).any():
-        changes = _changes(time, positions, seen, ease)
-    frames = [change.frame for change in changes] + [len(time)]
-    paths = np.argsort([change.label for change in changes], axis=1)  # the path under each label
+    steps = (time - time[0]) / np.median(np.diff(time))
+    with np.errstate(over="ignore", invalid="ignore"):  # of damaged numbers
+        seen = np.array([k for k in seen.tolist() if not is_smooth(steps, positions[:, k], LEAST_ROUGH_LEAP)], int)
+    if len(seen) < 2:
+        return ""
+    turns = _paths(time, positions, seen)
+    frames, paths = [*turns, len(time)], np.array(list(turns.values()))
     usual = np.array([_usual_path(one, np.diff(frames)) for one in paths.T])
     told = list[str]()
     for part, exchanged in enumerate(paths != usual):
@@ -108,104 +108,140 @@ def _more(told: list[str]) -> str:
     return f" and {len(told) - MOST_LISTED} more times" if len(told) > MOST_LISTED else ""
 
 
-def _changes(time: Floats, positions: Floats, seen: Integers, ease: Floats) -> list[_Change]:
-    """Return the labels of the paths from the first frame on, and from each frame on in which some are exchanged.
+def _paths(time: Floats, positions: Floats, seen: Integers) -> dict[int, Integers]:
+    """Return the path under each label, (markers seen,), from the first frame on, and from each one that changes it."""
+    turns = defaultdict[int, list[tuple[Integers, Integers]]](list)
+    for one in _counted(_exchanges(_Paths.of(time, positions, seen))):
+        turns[one.frame].append((one.label, one.path))
+        if one.length and one.frame + one.length < len(time):
+            turns[one.frame + one.length].append((one.path, one.label))
+    paths = {0: np.arange(len(seen))}
+    for frame in sorted(turns):
+        path = paths[next(reversed(paths))].copy()
+        for label, before in turns[frame]:
+            path[label] = path[before]
+        paths[frame] = path
+    return paths
 
-    `ease`, (markers seen,): divides the rules' factors and `LEAST_LEAP` for a label
+
+@dataclass(frozen=True)
+class _Paths:
+    """All positions, and how rough their paths are.
+
+    - `steps` [usual steps], (frames,); `positions` [m], (frames, markers, 3); `seen`: the markers that are looked at
+    - `usual`, `rough`, `noise`: as in `Sights`
     """
-    off = _beside_lines(time, positions, seen)
-    usual = [np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else np.inf for one in off.T]
-    least = np.maximum(LEAST_LEAP, PATH_UNUSUAL * np.array(usual)) / ease
-    leaping = (off > least)[1:] & ~np.isnan(positions[1:, seen, 0])
-    is_beside = np.isfinite(off[1:])  # behind a gap there is no line
-    del off
-    changes, frames = [_Change(0, np.arange(len(seen)))], np.flatnonzero(leaping.sum(1) > 1) + 1
-    are_off = (leaping & is_beside).sum(1) > 1
-    if are_off.sum() > MOST_LEAPING_FRAMES * len(time):
-        return changes
-    for at in frames:
-        begin, label = max(int(at) - LED_OVER, 0), changes[-1].label
-        paths = _paths(positions, seen, changes, begin, int(at))
-        with np.errstate(over="ignore", invalid="ignore"):
-            predicted, further = _predicted(time[begin : at + 1], paths)
-            after = _exchanged(positions[at, seen[label]], predicted, least[label] * further, ease[label])
-        if after is not None:
-            changes.append(_Change(int(at), label[after]))
-    return changes
 
+    steps: Floats
+    positions: Floats
+    seen: Integers
+    usual: Singles
+    rough: Singles
+    noise: Floats
 
-def _beside_lines(time: Floats, positions: Floats, seen: Integers) -> Singles:
-    """Return how far each position is from the line through the two before [m], (frames, markers), inf without them."""
-    off = np.full((len(time), len(seen)), np.inf, np.float32)
-    for begin in range(0, len(time) - 2, PATH_FRAMES_AT_ONCE):
-        some = slice(begin, begin + PATH_FRAMES_AT_ONCE + 2)
-        pace = np.diff(time[some])
+    @classmethod
+    def of(cls, time: Floats, positions: Floats, seen: Integers) -> _Paths:
+        """Return the paths of the markers `seen`."""
+        steps = (time - time[0]) / np.median(np.diff(time))
+        usual = np.empty((len(steps), len(seen)), np.float32)
+        rough, noise = np.full(usual.shape, np.nan, np.float32), np.zeros(len(seen))
         for k, marker in enumerate(seen.tolist()):
-            step = np.diff(positions[some, marker], axis=0)
             with np.errstate(over="ignore", invalid="ignore"):  # of damaged numbers
-                far = np.linalg.norm(step[1:] - step[:-1] * (pace[1:] / pace[:-1])[:, None], axis=1)
-            off[begin + 2 : begin + 2 + len(far), k] = np.where(np.isnan(far), np.inf, far)
-    return off
+                last, one = roughness(steps, positions[:, marker])
+                usual[:, k] = usual_roughness(len(steps), (last, one))
+                noise[k] = noise_of(steps, positions[:, marker], float(usual[:, k].min()))
+                rough[last, k] = one / usual[last, k]
+        return cls(steps, positions, seen, usual, rough, noise)
+
+    def stretches(self) -> Iterator[tuple[int, Integers, Sights]]:
+        """Yield the first frame of each stretch's sights, which frames of these are looked at, and the sights."""
+        around = LED_OVER + LONGEST_WHOLE
+        count = max(MARKER_POSITIONS_AT_ONCE // len(self.seen), FEWEST_AT_ONCE)
+        for begin in range(0, len(self.steps), count):
+            first = max(begin - around, 0)
+            some = slice(first, begin + count + around)
+            places = self.positions[some][:, self.seen]
+            here = np.arange(begin, min(begin + count, len(self.steps))) - first
+            yield first, here, Sights.of(self.steps[some], places, self.usual[some], self.rough[some], self.noise)
 
 
-def _paths(positions: Floats, seen: Integers, changes: list[_Change], begin: int, stop: int) -> Floats:
-    """Return the paths in the frames from `begin` to before `stop`, (frames, paths, 3)."""
-    parts = list[Floats]()
-    for change in reversed(changes):
-        first = max(change.frame, begin)
-        parts.append(positions[first:stop, seen[change.label]])
-        stop = first
-        if stop == begin:
-            break
-    return np.concatenate(parts[::-1])
+def _exchanges(paths: _Paths) -> list[_Exchange]:
+    """Return all exchanges whose evidence exceeds `WEAK_EXCHANGE`, and returns of any evidence, the surest first."""
+    found = list[_Exchange]()
+    for first, here, sights in paths.stretches():
+        for maybe, lengths in candidates(sights):
+            told = np.array([evidence(sights, maybe, length) for length in lengths])
+            order = np.argsort(maybe.cycle, kind="stable")
+            ends = np.searchsorted(maybe.cycle[order], np.arange(maybe.count + 1))
+            for k in np.flatnonzero(told.max(0, initial=-np.inf) > WEAK_EXCHANGE).tolist():
+                which = order[ends[k] : ends[k + 1]]
+                frame, best = int(maybe.frame[which[0]]), int(told[:, k].argmax())
+                if here[0] <= frame <= here[-1]:
+                    labels, of_paths = maybe.label[which], maybe.path[which]
+                    found.append(_Exchange(first + frame, lengths[best], labels, of_paths, float(told[best, k])))
+    return sorted(found + _returns(paths, found), key=lambda one: -one.told)
 
 
-def _predicted(time: Floats, paths: Floats) -> tuple[Floats, Floats]:
-    """Return where a straight line leads from each path's last two positions, and the last one, (2, paths, 3).
+def _returns(paths: _Paths, found: list[_Exchange]) -> list[_Exchange]:
+    """Return all exchanges from a frame on that are as likely as none, of labels that have an odd number of them."""
+    of_names, returned = defaultdict[frozenset[int], list[_Exchange]](list), list[_Exchange]()
+    for one in sorted(found, key=lambda one: -one.told):
+        if not one.length:
+            of_names[one.names].append(one)
+    ways = [
+        (some[0].label, some[0].path) for some in of_names.values() if len(some) % 2 and some[0].told > SOUGHT_EXCHANGE
+    ]
+    ways = ways[:MOST_SOUGHT]
+    ways += [(path, label) for label, path in ways if len(label) > 2]
+    for first, here, sights in paths.stretches() if ways else ():
+        joins = Joins(sights)
+        for label, path in ways:
+            frames = here[joins.are_near(_in_each(here, label, path))]
+            maybe = _in_each(frames, label, path)
+            told = np.where(maybe.any_of(sights.are_seen()[maybe.frame, maybe.label]), evidence(sights, maybe, 0), 0.0)
+            for k in np.flatnonzero(told > 0).tolist():
+                returned.append(_Exchange(int(frames[k]) + first, 0, label, path, float(told[k])))
+    return returned
 
-    A second array, (paths,), states how many times farther from the line than usual cloth may be. Constant acceleration
-    leads `t (t + d) / 2` times as far, `t` [usual steps] behind the last position and `d` from the one before to it.
 
-    `time` [s], (frames + 1,): of the frames of `paths`, (frames, paths, 3), and of the prediction
+def _in_each(frames: Integers, label: Integers, path: Integers) -> Exchanges:
+    """Return one exchange from each of these frames on."""
+    size, count = len(label), len(frames)
+    return Exchanges(
+        np.repeat(frames, size), np.tile(label, count), np.tile(path, count), np.repeat(np.arange(count), size)
+    )
+
+
+def _counted(found: list[_Exchange]) -> list[_Exchange]:
+    """Return the exchanges that count, of all, the surest first."""
+    free, of_names = defaultdict[int, list[tuple[int, int]]](list), defaultdict[frozenset[int], list[_Exchange]](list)
+    for one in found:
+        if all(_are_apart(one, free[name]) for name in one.names):
+            of_names[one.names].append(one)
+            for name in one.names:
+                insort(free[name], (one.frame, one.length))
+    counted = list[_Exchange]()
+    for some in of_names.values():
+        if sum(one.told for one in some[:2]) < SURE_EXCHANGE:
+            continue
+        told = [one for one in some if one.told > WEAK_EXCHANGE]
+        lasting, maybe = [one for one in told if not one.length], [one for one in some if one.told <= WEAK_EXCHANGE]
+        if len(lasting) % 2:
+            if maybe:
+                told.append(maybe[0])
+            elif lasting[-1].told < (SURE_EXCHANGE if len(told) > 1 else WITHOUT_RETURN):
+                told.remove(lasting[-1])
+        counted += told
+    return counted
+
+
+def _are_apart(one: _Exchange, others: list[tuple[int, int]]) -> bool:
+    """Return whether enough frames lie between an exchange and others of one label to weigh each by itself.
+
+    `others`: the frames and lengths, in order
     """
-    which, count = np.arange(paths.shape[1]), len(paths)
-    are_seen = np.isfinite(paths[..., 0])
-    last = count - 1 - are_seen[::-1].argmax(0)
-    are_seen[last, which] = False
-    earlier = count - 1 - are_seen[::-1].argmax(0)
-    step = np.median(np.diff(time))
-    ahead, before = (time[-1] - time[last]) / step, (time[last] - time[earlier]) / step
-    is_led, places = last > earlier, paths[last, which]
-    pace = np.where(is_led, ahead / np.where(is_led, before, 1.0), 0.0)
-    further = np.where(is_led, np.maximum(ahead * (ahead + before) / 2, 1.0), 1.0)
-    return np.stack([places + np.nan_to_num(places - paths[earlier, which]) * pace[:, None], places]), further
-
-
-def _exchanged(here: Floats, predicted: Floats, least: Floats, ease: Floats) -> Integers | None:
-    """Return which path's label each path has now, (paths,), None if each keeps its own.
-
-    - `here` [m], (paths, 3): positions under each path's label; `predicted` [m], (2, paths, 3)
-    - `least` [m], (paths,): a position farther from its own path's predictions leaps
-    - `ease`, (paths,): divides the rules' factors
-    """
-    own = np.linalg.norm(here - predicted, axis=2).min(0)
-    leaping = np.flatnonzero(own > least)
-    if not 2 <= len(leaping) <= MOST_LEAPING:
-        return None
-    for one in predicted:
-        apart = np.linalg.norm(here[leaping, None] - one[leaping], axis=2)
-        nearest = apart.argmin(1)
-        eased = ease[leaping] * own[leaping]
-        fits, were = PATH_LEAP * apart.min(1) < eased, -1
-        while fits.sum() != were:  # each label has one path, and each path one label
-            were = fits.sum()
-            others = np.delete(own, leaping[fits])
-            if np.isfinite(others).any():
-                fits &= eased > PATH_UNUSUAL * np.nanmedian(others)
-            fits &= fits[nearest]
-            fits &= np.bincount(nearest[fits], minlength=len(fits)) == 1
-        if fits.any():
-            after = np.arange(len(here))
-            after[leaping[nearest[fits]]] = leaping[fits]
-            return after
-    return None
+    place = bisect(others, (one.frame, one.length))
+    return all(
+        max(frame - one.frame - one.length, one.frame - frame - length) >= POSITIONS_BESIDE
+        for frame, length in others[max(place - 1, 0) : place + 1]
+    )

@@ -11,6 +11,7 @@ from formats.importers.c3d_file import read_c3d
 from formats.importers.marker_exchanges import remove_exchanged
 from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import MarkerTracks, write_marker_csv
+from formats.importers.path_roughness import noise_of, roughness, roughness_of
 from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_c3d_moved_frames import KINDS, motion
 from tests.shared_data import c3d_recording
@@ -238,7 +239,7 @@ def test_files_of_every_kind_are_read_with_a_warning(tmp_path, kind):
     np.testing.assert_allclose(found.positions, expected, atol=2e-6)
 
 
-def test_a_marker_that_no_three_frames_in_a_row_show_is_not_exchanged():
+def test_a_marker_of_four_positions_is_not_exchanged():
     """Each of two markers is seen for two frames, at the other's place behind a gap."""
     places = cloth(noise=0.0)[:20, :4]
     found = with_exchanged(places, np.arange(6, 20), 0, 2)
@@ -278,3 +279,62 @@ def test_rare_exchanges_of_several_pairs_are_all_found(pairs):
         found, expected = with_exchanged(found, frames, *markers), without(expected, frames, *markers)
     assert told(found) != ""
     np.testing.assert_array_equal(found, expected)
+
+
+def flicked(rng):
+    """A grid of 7 x 7 markers [m] that swings and is flicked hard, at few frames a second; its times [s]."""
+    rate, row, column = float(rng.choice([25, 30, 50])), np.arange(49) // 7, np.arange(49) % 7
+    time = np.arange(FRAMES)[:, None] / rate
+    places = cloth(rate, rng.uniform(0.1, 0.5), rng.uniform(0.3, 2.5), rng.uniform(0.015, 0.06), 5e-4, 7)
+    for _ in range(2):
+        late = time - rng.uniform(0, time[-1, 0]) - row * rng.uniform(0, 0.05)
+        bump = np.exp(-((rng.uniform(8, 25) * late) ** 2)) * np.sin(rng.uniform(0, 2) * column + rng.uniform(0, 6))
+        places[..., rng.integers(3)] += rng.uniform(0.02, 0.15) * bump
+    return places, time[:, 0]
+
+
+def test_cloth_that_is_flicked_shows_no_exchange():
+    rng = np.random.default_rng(1)
+    assert [told_at(*flicked(rng)[::-1]) for _ in range(150)] == [""] * 150
+
+
+@pytest.mark.parametrize("gap", [1, 3, 5])
+@pytest.mark.parametrize("rate", [30.0, 100.0])
+def test_an_exchange_that_ends_while_one_marker_is_hidden_loses_no_honest_position(rate, gap):
+    frames = np.arange(130, 150)
+    places = with_exchanged(cloth(rate), frames, 7, 18)
+    places[150 : 150 + gap, 7] = np.nan
+    expected = without(places, frames, 7, 18)
+    assert "m7, m18 from frame 131 to frame 150 (" in told(places, rate)
+    np.testing.assert_array_equal(places, expected)
+
+
+@pytest.mark.parametrize("markers", [(0, 1), (7, 18), (3, 4, 9)])
+def test_one_frame_alone_of_fast_cloth_at_few_frames_a_second_is_named(markers):
+    """The swing takes a marker 0.1 m off its line in a frame; the positions on both sides leave 10 mm."""
+    places = with_exchanged(cloth(25.0, 0.5, 1.5), np.array([130]), *markers)
+    expected = without(places, np.array([130]), *markers)
+    assert told(places, 25.0).endswith("in frame 131 (5.20 s)")
+    np.testing.assert_array_equal(places, expected)
+
+
+@pytest.mark.parametrize("share", [0.6, 0.75, 0.95])
+def test_markers_that_leap_in_most_frames_have_no_paths_to_exchange(share):
+    rng, places = np.random.default_rng(0), cloth()
+    for frame in np.flatnonzero(rng.random(FRAMES) < share):
+        some = rng.permutation(MARKERS)[:6]
+        places[frame, some] = places[frame, rng.permutation(some)] + rng.normal(0, 0.5, (6, 3))
+    as_given = places.copy()
+    assert told(places) == ""
+    np.testing.assert_array_equal(places, as_given)
+
+
+def test_constant_acceleration_has_no_roughness_and_noise_as_much_at_uneven_times():
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.choice([1.0, 2.0, 5.0], 4000))
+    path = np.outer(time**2, [1e-5, 0, 2e-5]) + np.outer(time, [1e-3, 2e-3, 0])
+    assert roughness(time, path)[1].max() < 1e-6
+    noise = rng.normal(0, 1e-3, path.shape)
+    rough = roughness_of(time, path + noise, np.arange(4000), is_grown=True)
+    assert np.sqrt((rough**2).mean()) == pytest.approx(1e-3 * np.sqrt(3), rel=0.05)
+    assert noise_of(time, path + noise, 1.538e-3) == pytest.approx(1.538e-3, rel=0.1)

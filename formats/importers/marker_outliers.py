@@ -99,16 +99,14 @@ def _jumps_of(time: Floats, path: Floats) -> list[_Jump]:
     noise = float(np.median(off.min(0)))
     jumps = 2 + np.flatnonzero(_is_beyond(off, reach, noise, step))
     good = np.setdiff1d(np.arange(len(seen)), jumps)
-    kept = list[_Jump]()
-    for k in jumps.tolist():  # a good position between outliers may seem to jump as well
-        at = int(np.searchsorted(good, k))
-        if not 2 <= at <= len(good) - 2:
-            continue
-        some = np.array([*good[at - 2 : at], k, *good[at : at + 2]])
-        off, reach = _beside_lines(instants[some], positions[some])
-        across = float(np.linalg.norm(positions[some[3]] - positions[some[1]]))
-        if _is_beyond(off, reach, noise, step)[0] and off[0, 0] > across:
-            kept.append(_Jump(int(seen[k]), float(off[0, 0]), comes_back=True))
+    at = np.searchsorted(good, jumps)  # a good position between outliers may seem to jump as well
+    is_amid = (at >= 2) & (at <= len(good) - 2)
+    jumps, at = jumps[is_amid], at[is_amid]
+    some = np.stack([good[at - 2], good[at - 1], jumps, good[at], good[np.minimum(at + 1, len(good) - 1)]], 1)
+    off, reach = _beside_good(instants[some], positions[some])
+    across = np.linalg.norm(positions[some[:, 3]] - positions[some[:, 1]], axis=1)
+    comes_back = _is_beyond(off, reach, noise, step) & (off[0] > across)
+    kept = [_Jump(int(seen[jumps[k]]), float(off[0, k]), comes_back=True) for k in np.flatnonzero(comes_back).tolist()]
     kept += [
         _Jump(int(seen[good[k]]), far, comes_back=False)
         for k, far in _jumps_at_ends(instants[good], positions[good], noise, step)
@@ -154,6 +152,18 @@ def _beside_lines(time: Floats, positions: Floats) -> tuple[Floats, Floats]:
     """
     lead, reach = straight_lines(time, positions)
     return np.linalg.norm(positions - lead, axis=2)[:, 2:-2], reach[:, 2:-2]
+
+
+def _beside_good(time: Floats, positions: Floats) -> tuple[Floats, Floats]:
+    """Return the distances [m] of the middle one of five positions from its three lines, (3, n), and r [s^2] of each.
+
+    `time` [s], (n, 5); `positions` [m], (n, 5, 3)
+    """
+    h, z = np.diff(time, axis=1).T[..., None], positions.transpose(1, 0, 2)
+    amid = z[1] + (z[3] - z[1]) * h[1] / (h[1] + h[2])
+    lead = np.stack([amid, z[1] + (z[1] - z[0]) / h[0] * h[1], z[3] - (z[4] - z[3]) / h[3] * h[2]])
+    reach = np.stack([h[1] * h[2], h[1] * (h[0] + h[1]), h[2] * (h[2] + h[3])])[..., 0]
+    return np.linalg.norm(z[2] - lead, axis=2), reach
 
 
 def _is_beyond(off: Floats, reach: Floats, noise: float, step: float) -> Booleans:

@@ -138,6 +138,9 @@ def _odd_cells() -> Iterator[tuple[str, Cell, str, str]]:
     yield "zeros in turn", lambda v, k, c: "0.000" if (k + c // 3) % 3 == 0 else f"{v:.3f}", "", "."
     yield "missing-value codes", lambda v, k, c: "-9999.000" if (k + c // 3) % 3 == 0 else f"{v:.3f}", "", "."
     yield "jumps everywhere", lambda v, k, c: f"{v + 5000 * ((k + c // 3) % 7 == 0):.3f}", "", "."
+    leap = lambda k, c, share: (k * 7919 % 1000 < share) * (hash((k, c // 3)) % 5 < 2) * (hash((c, k)) % 4000)  # noqa: E731
+    for share in (600, 800, 950):
+        yield f"leaps in {share} of 1000 frames", lambda v, k, c, share=share: f"{v + leap(k, c, share):.3f}", "", "."
     yield "noise", lambda v, k, c: f"{rng.uniform(-5e3, 5e3):.3f}", "", "."
     yield "random counts of digits", lambda v, k, c: f"{v:.{rng.randrange(9)}f}", "", "."
     yield "long numbers", lambda v, k, c: f"{v:.300f}", "", "."

@@ -53,6 +53,8 @@ def wrong_unit(colour: Bytes, depth: Unsigned, rig: Rig) -> str:
     if corners is None or rig.sensor is None or rig.hanger is None:
         return ""
     away = float(np.median([_depth_within(quad, depth, nearest=0.0) for quad in corners])) * 1e3
+    if not np.isfinite(away):
+        return ""  # no depth at all says nothing of its unit
     pixels = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
     between = np.linalg.norm(corners[1].mean(0) - corners[0].mean(0))
     by_size = 1e3 * rig.hanger.marker_size_m * rig.sensor.fx / pixels

@@ -48,6 +48,10 @@ class TakeError(HangtimeError):
     """A take archive that is missing, damaged or not a take archive."""
 
 
+class TakeBegunError(TakeError):
+    """A take archive without a readable frame yet, which a recording or import still writes."""
+
+
 class ImplausibleError(DescriptionError, TakeError):
     """A number that no cloth, hanger or camera has, and that was probably meant in another unit."""
 

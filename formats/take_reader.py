@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
-from formats.errors import TakeError
+from formats.errors import TakeBegunError, TakeError
 from formats.left_descriptions import left_beside
 from formats.missing import noted_doubts, possible_spans
 from formats.plain_text import counted
@@ -132,7 +132,7 @@ class _Archive:
         self._is_being_written = is_being_written
         if not raw:
             if is_being_written:
-                raise TakeError("is empty yet", where=where, advice=UNTIL_WRITTEN)
+                raise TakeBegunError("is empty yet", where=where, advice=UNTIL_WRITTEN)
             raise TakeError("is empty", where=where, advice="give a take archive")
         self._raw, self._where, self._findings = raw, where, Findings()
         self._contents = sorted_messages(messages_with_sizes(raw, self._findings), self._findings.refund_copy)
@@ -166,7 +166,7 @@ class _Archive:
                 return binding, header
             self._contents.damaged += 1
         if self._is_being_written:
-            raise TakeError("holds no readable header yet", where=self._where, advice=UNTIL_WRITTEN)
+            raise TakeBegunError("holds no readable header yet", where=self._where, advice=UNTIL_WRITTEN)
         raise _no_header(self._raw, self._findings, self._where)
 
     def _read_or_lost(self, binding: bytes) -> tuple[Take, TakeReport] | TakeError:
@@ -193,7 +193,7 @@ class _Archive:
         columns, kept, out_of_order = increasing(columns, kept) if kept else (columns, kept, 0)
         damaged += strange + lost + self._without - (not parts.blocks)
         if not kept and self._is_being_written:
-            raise TakeError("holds no frame yet", where=self._where, advice=UNTIL_WRITTEN)
+            raise TakeBegunError("holds no frame yet", where=self._where, advice=UNTIL_WRITTEN)
         if not kept:
             raise _no_frame(ends, damaged, findings.left_packed + self._memory.left_out - before, self._where)
         scans, lost_scans = sound_scans(parts.scans, version, self._memory)

@@ -281,15 +281,16 @@ def _tell_not_recovered(path: Path, error: HangtimeError, *, is_alone: bool) -> 
 def _tell_lost(name: str, path: Path, error: HangtimeError, *, is_row: bool = False) -> None:
     """Report a take that cannot be read or written; is_row: as a row below the states of others."""
     entry = _lost(path, error)
-    tell_entry(name, f"lost        {error}" if is_row else f"{entry['state']}: {error}", **entry)
+    tell_entry(name, f"{entry['state']:<11} {error}" if is_row else f"{entry['state']}: {error}", **entry)
     tell_fault(str(error))
 
 
 def _lost(path: Path, error: HangtimeError) -> dict[str, str | None]:
-    """Return the record of a take that cannot be read or written; only an unreadable take is `lost`."""
-    from formats.errors import OutputError
+    """Return the record of a take that cannot be read or written; one that is still being written is not `lost`."""
+    from formats.errors import OutputError, TakeBegunError
 
     state = "not written" if isinstance(error, OutputError) else "lost"
+    state = "begun" if isinstance(error, TakeBegunError) else state
     return {"file": str(path), "state": state, "error": str(error)}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import threading
 import time
 
@@ -54,6 +55,19 @@ def test_one_without_a_block_is_not_called_ended(raw, tmp_path):
         read_take(partial)
     assert str(refused.value) == f"{partial}: holds no frame yet; {YET}"
     writer.discard()
+
+
+def test_a_take_without_a_frame_yet_is_begun_and_not_lost(raw, tmp_path):
+    """Its recording runs, and nothing is wrong with it."""
+    writing = UnfinishedFile(tmp_path / "t.mcap", overwrite=False)
+    (tmp_path / "t.mcap.partial").write_bytes(raw[:60])
+    row = f"begun       t.mcap.partial: holds no readable header yet; {YET}\n"
+    assert hangtime_here("takes", "list", ".", folder=tmp_path).stdout == row
+    assert hangtime_here("takes", "verify", "t.mcap.partial", folder=tmp_path).stdout == row
+    told = json.loads(hangtime_here("takes", "verify", "t.mcap.partial", "--json", folder=tmp_path).stdout)
+    assert [take["state"] for take in told["takes"]] == ["begun"]
+    writing.keep()
+    assert hangtime_here("takes", "list", ".", folder=tmp_path).stdout.startswith("lost        t.mcap.partial: ")
 
 
 def test_a_take_that_nobody_writes_any_more_is_what_its_writer_left(raw, tmp_path):

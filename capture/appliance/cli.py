@@ -78,17 +78,19 @@ def status_command(
     seen = ask(socket, "preview")
     answer["sees"] = seen["line"]
     tell("\n".join([*lines(answer), f"sees: {seen['line']}"]), **answer)
-    picture = picture_in(seen)
-    if preview is not None and picture:
-        write_bytes(preview, picture, overwrite=overwrite)
+    unseen = None
+    if preview is not None and not seen["png"]:
+        unseen = _no_picture(preview)
+    elif preview is not None:
+        write_bytes(preview, picture_in(seen), overwrite=overwrite)
     if answer["state"] == "fault":
         for fault in answer["faults"]:
             tell_fault(with_advice(fault["sentence"], fault["advice"]))
-        if preview is not None and not picture:
-            terminal.say(f"hangtime: {_no_picture(preview)}", is_error=True)
+        if unseen is not None:
+            terminal.say(f"hangtime: {unseen}", is_error=True)
         raise typer.Exit(1)
-    if preview is not None and not picture:
-        raise _no_picture(preview)
+    if unseen is not None:
+        raise unseen
 
 
 def _no_picture(preview: Path) -> HangtimeError:

@@ -25,7 +25,7 @@ COVERED_BY_INTERVALS = (
     "90 % intervals cover the takes' noise and the local minima that the search found, but neither missing physics nor "
     "the mesh's error."
 )
-COVERED_OF_EFFECTS = "That of an effect's size covers mesh, solver and the effect's other laws as well."
+COVERED_OF_EFFECTS = "The interval of an effect's size covers mesh, solver and the effect's other laws as well."
 OWN_BASE_FIT = (
     "The diagnosis fits its base model anew, by a search and on a mesh of its own: `hangtime fit` may end at other "
     "bounds."

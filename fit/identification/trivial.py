@@ -21,7 +21,7 @@ from fit.methods.distance import distance
 from fit.recordings.hanger_path import level_normal
 from fit.recordings.recording import Recording
 from formats.arrays import Floats
-from formats.fit_records import ErrorFigure, TrivialFigure
+from formats.fit_records import TRIVIAL_NAMES, ErrorFigure, TrivialFigure
 from formats.nature import GRAVITY
 
 TIME_STEP = 0.005  # s of the pendulum: a two-hundredth of its period
@@ -68,7 +68,8 @@ def describe_trivial(after: float, figures: Sequence[TrivialFigure], *, is_held_
         return ""
     least, name = min(errors)
     where = "held out" if is_held_out else "on the takes it was fitted to"
-    words = f"{1e3 * after:.1f} mm {where}, a rigid sheet ({name}) {1e3 * least:.1f} mm (mean distance of all points)"
+    sheet = f"{TRIVIAL_NAMES[name]} {1e3 * least:.1f} mm"
+    words = f"{1e3 * after:.1f} mm {where}, {sheet} (mean distance of all points)"
     if after > least:
         return f"Warning: the fit does not beat a trivial predictor: {words}. Its parameters tell nothing of the cloth."
     if after > (1 - HARDLY) * least:

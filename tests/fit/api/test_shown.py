@@ -104,6 +104,14 @@ def test_an_effect_that_was_screened_only_says_so_with_a_size_or_without():
     }  # fmt: skip
 
 
+def test_each_sentence_below_the_parameters_stands_by_itself():
+    """It began with "That of an effect's size", below a sentence on several intervals."""
+    kept = msgspec.structs.replace(a_fit(), effects={"air_drag": 1.0})
+    remarks = fit_tables(kept)[0].remarks
+    assert remarks[1].startswith("The interval of an effect's size covers mesh, solver and ")
+    assert fit_tables(a_fit())[0].remarks == (remarks[0], "`hangtime diagnose` finds missing physics.")
+
+
 def test_a_simulation_with_a_fit_prints_no_value_that_the_fit_does_not_identify():
     result = a_fit(unknown=("stretch_stiffness",))
     values = {p.name: p.fitted for p in result.parameters}

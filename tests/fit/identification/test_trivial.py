@@ -68,10 +68,15 @@ def test_the_two_numbers_of_a_pendulum_are_found_again():
     [
         (
             0.021,
-            "Warning: the fit does not beat a trivial predictor: 21.0 mm held out, a rigid sheet (pendulum) 20.0 mm",
+            "Warning: the fit does not beat a trivial predictor: 21.0 mm held out, a rigid sheet that "
+            "swings as a pendulum 20.0 mm",
         ),
         (0.0185, "Warning: the fit hardly beats a trivial predictor: 18.5 mm held out"),
-        (0.017, "The fit misses by 17.0 mm held out, a rigid sheet (pendulum) 20.0 mm (mean distance of all points)."),
+        (
+            0.017,
+            "The fit misses by 17.0 mm held out, a rigid sheet that swings as a pendulum 20.0 mm (mean distance of all "
+            "points).",
+        ),
     ],
 )
 def test_a_fit_says_how_it_stands_to_the_better_rigid_sheet(after, sentence):

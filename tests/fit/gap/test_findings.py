@@ -147,7 +147,7 @@ def test_every_note_is_shown_whole_and_in_its_order():
         "parameters cover the takes' noise, the ends of those starts that are as good, and a further end by their "
         "scatter.",
         "The sensor's noise in this diagnosis is a distance in space, measured on the judged takes. The hanger's "
-        "noise, which shakes the simulated cloth, is part of it. `hangtime takes show` gives the points' noise a "
+        "noise, which shakes the simulated cloth, is part of it. `hangtime takes show` gives a point's noise in one "
         "coordinate.",
         "The takes state that their points are off by 2.0 mm. The diagnosis measured 1.0 mm, and takes the noise floor "
         "from that.",

@@ -20,7 +20,6 @@ from fit.gap.screening import groups
 from fit.methods import Parameter, Parameterisation
 from fit.observer.residuals import Observer, has_static
 from fit.search.intervals import NEAR_BOUND
-from formats.arrays import Floats
 from formats.diagnosis_records import EffectFinding, Figure, Gap, NextExperiment
 from formats.figures import short, short_beside, with_unit
 from formats.fit_records import AT_BOUND, FitParameter
@@ -122,7 +121,9 @@ def describe_effects(
         if hypothesis:
             note = f"best effect in {100 * shares[name]:.0f} % of bootstrap draws" if weighed is None else ""
             if not beside and not is_held:
-                note = "; ".join(filter(None, [of_no_size(amplitude, interval), note]))
+                closes_nothing = hypothesis.errors is evidence.base.errors  # as `never_worse` left it
+                doubt = of_no_size(interval, closes_nothing=closes_nothing)
+                note = doubt if closes_nothing else "; ".join(filter(None, [doubt, note]))
         if beside:
             rest = " and ".join(evidence.observer.library[n].title for n in beside.effects if n != name)
             note = f"size beside {rest}; closure alone" if hypothesis else f"found beside {rest} only"
@@ -171,9 +172,12 @@ def within_range(effect: Effect, interval: tuple[float, float]) -> tuple[float, 
     return min(max(interval[0], least), most), max(min(interval[1], most), least)
 
 
-def of_no_size(amplitude: Floats, interval: tuple[float, float] | None) -> str:
-    """Return what the closure of an effect is where its size may be 0, or nothing where it is surely not."""
-    if not amplitude.any():
+def of_no_size(interval: tuple[float, float] | None, *, closes_nothing: bool) -> str:
+    """Return what the closure of an effect is where its size may be 0, or nothing where it is surely not.
+
+    closes_nothing: whether the base fit took the refit's place. A refit of size 0 may also end at a better minimum.
+    """
+    if closes_nothing:
         return NO_SIZE
     may_be_nothing = interval is not None and interval[0] <= 0.0 <= interval[1]
     return MAY_BE_NOTHING if may_be_nothing else ""

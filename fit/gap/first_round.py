@@ -81,7 +81,11 @@ class FirstRound:
 
     def keep_the_better(self) -> None:
         """Put the base fit, with the effect's size 0, in the place of each refit that fits no better than it."""
-        self.singles = {name: never_worse(self.base, one) for name, one in self.singles.items()}
+        self.singles = {name: self.no_worse_than_base(one) for name, one in self.singles.items()}
+
+    def no_worse_than_base(self, alone: Hypothesis) -> Hypothesis:
+        """Return a refit with one effect, or the base fit with the effect's size 0 where that fits no worse."""
+        return never_worse(self.base, alone, self.screened)
 
     def sizes_by_edge(self, numerics: float) -> None:
         """Refit effects whose size the held edge disputes; numerics [mm]: error of mesh and solver."""

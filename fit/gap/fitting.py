@@ -241,7 +241,8 @@ def amplitude_of(fitted: Fitted, observer: Observer, effect: str) -> tuple[float
     """Return the size of an active effect's amplitude and its 90 % interval, in its own unit.
 
     Noise lengthens an estimated vector on average, so the size is the root of |a|^2 - sum sd^2. Its interval is that of
-    the component along the vector (delta method).
+    the component along the vector (delta method). A vector of length 0 may have any direction, so its interval is that
+    of the least certain component.
     """
     before = fitted.active[: fitted.active.index(effect)]
     place = len(fitted.vector) + sum(len(observer.library[name].components) for name in before)
@@ -254,5 +255,6 @@ def amplitude_of(fitted: Fitted, observer: Observer, effect: str) -> tuple[float
     spread = np.minimum(deviation, np.abs(amplitude))
     length = size_of(amplitude)
     middle = float(np.sqrt(max(float((amplitude**2 - spread**2).sum()), 0.0)))
-    half = NORMAL_90 * float(np.sqrt(((amplitude / max(length, 1e-12) * deviation) ** 2).sum()))
+    along = float(np.sqrt(((amplitude / length * deviation) ** 2).sum())) if length > 0.0 else float(deviation.max())
+    half = NORMAL_90 * along
     return middle, (middle - half, middle + half)

@@ -139,21 +139,25 @@ def judged(judge: Observer, fits: Sequence[Fitted]) -> list[Hypothesis]:
     return [Hypothesis(f.active, f, block_errors(judge, r)) for f, r in zip(fits, residuals, strict=True)]
 
 
-def never_worse(simpler: Hypothesis, found: Hypothesis) -> Hypothesis:
-    """Return a refit, or the simpler model with the further effects' sizes 0 where that fits no worse.
+def never_worse(simpler: Hypothesis, found: Hypothesis, screened: Screened) -> Hypothesis:
+    """Return a refit, or the simpler model with the further effect's size 0 where that fits no worse.
 
     A model holds the one without its further effects. A refit that costs more has ended at a poorer local minimum. Its
     error on other motion then differs from the simpler model's by this minimum alone, and no effect closes anything.
     Sizes that the held edge decided stay, because their fit does not seek the least cost.
+
+    screened: signatures about the simpler model or near it
     """
     fitted = found.fitted
     if fitted.pinned is not None or fitted.cost < simpler.fitted.cost:
         return found
     own = simpler.fitted
-    return Hypothesis(
-        found.effects,
-        replace(fitted, vector=own.vector, amplitudes=own.amplitudes, residual=own.residual), simpler.errors,
+    # Where the simpler model ended, as its residual is.
+    jacobian = np.concatenate([own.jacobian, screened[found.effects[-1]].raw.T], axis=1)
+    there = replace(
+        fitted, vector=own.vector, amplitudes=own.amplitudes, residual=own.residual, jacobian=jacobian
     )  # fmt: skip
+    return Hypothesis(found.effects, there, simpler.errors)
 
 
 def polishing(old: Fitted) -> Task:

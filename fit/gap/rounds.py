@@ -24,7 +24,7 @@ from fit.gap.evidence import (
 from fit.gap.first_round import FirstRound
 from fit.gap.fitting import Task, fit
 from fit.gap.floor import Floor
-from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged
+from fit.gap.hypotheses import POLISHING, Hypothesis, further, judged, never_worse
 from fit.gap.numerics import Refined
 from fit.gap.passing import FAMILY_WISE_LEVEL, is_brought, may_be_added
 from fit.gap.screening import GROUP_COSINE, cosine, screen, with_amplitude
@@ -67,7 +67,7 @@ class Rounds(FirstRound):
                 found = self._polished(found)
                 if len(found.effects) == 2 and may_be_added(self.observer, found, p_value):
                     found = self._better_of_twins(found, p_value, floor)
-                (found,) = self._by_edge([found], numerics)
+                (found,) = self._by_edge([self._no_worse_than_start(found, best)], numerics)
                 p_value = self._p_value(best, found, len(tried), floor)
             self.joint.append((found, p_value))
             if not may_be_added(self.observer, found, p_value) or not self._is_needed(best, found, floor):
@@ -108,6 +108,16 @@ class Rounds(FirstRound):
         """Return a hypothesis of several effects whose fit was continued with a Jacobian of finite differences."""
         return judged(self.judge, self._fitted_on([joint.fitted]))[0]
 
+    def _no_worse_than_start(self, joint: Hypothesis, best: Hypothesis) -> Hypothesis:
+        """Return several effects, or the fit that they started from, with the last one's size 0, where that costs less.
+
+        Two effects started from the first one alone, and more of them from the best ones so far.
+        """
+        start = best if len(joint.effects) > 2 else self.singles.get(joint.effects[0], best)
+        if joint.fitted.cost <= start.fitted.cost or joint.effects[:-1] != start.effects:
+            return joint
+        return never_worse(start, joint, self.screened)
+
     def _drop_idle(self, several: Hypothesis, p_value: float, numerics: float) -> None:
         """Refit several effects without the idle ones; the fit replaces all joint hypotheses.
 
@@ -147,7 +157,7 @@ class Rounds(FirstRound):
         for alone in self._by_edge(judged(self.judge, made), numerics, f"-of-{kept_as(pair.effects)}"):
             (k,) = alone.effects
             if k not in self.singles or alone.fitted.cost < self.singles[k].fitted.cost:
-                self.singles[k] = alone
+                self.singles[k] = self.no_worse_than_base(alone)
 
     def _better_of_twins(self, pair: Hypothesis, p_value: float, floor: float) -> Hypothesis:
         """Return two effects, or a better hypothesis in which a twin replaces one of them.

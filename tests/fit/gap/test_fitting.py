@@ -151,7 +151,8 @@ def test_an_effects_interval_is_that_of_its_own_columns():
     half = 1.645 * np.hypot(along[0] * 0.01, along[1] * 0.05)
     assert (low, high) == pytest.approx((value - half, value + half))
     nothing = dataclasses.replace(fitted, amplitudes=observer.off)
-    assert amplitude_of(nothing, observer, "gravity_tilt")[0] == 0.0
+    half = 1.645 * 0.05  # of a tilt in any direction: the one that is known worse
+    assert amplitude_of(nothing, observer, "gravity_tilt") == (0.0, pytest.approx((-half, half)))
 
 
 def test_the_jackknife_of_three_blocks_is_the_standard_error_of_their_mean_with_students_t():

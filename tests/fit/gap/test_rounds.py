@@ -72,8 +72,8 @@ def test_twins_of_two_effects_are_not_forgotten_over_a_third_that_is_tried(monke
 def a_search(base, singles):
     """Rounds that refitted some effects: of each the held-out error [mm] and the cost of the motion fitted to."""
     search = object.__new__(Rounds)
-    search.observer = SimpleNamespace(**EFFECTS, off=amplitudes_of(LIBRARY), layout=NO_EDGE)
-    search.base, search.judge = with_cost(hypothesis((), base[0]), base[1]), None
+    search.observer, search.judge = SimpleNamespace(**EFFECTS, off=amplitudes_of(LIBRARY), layout=NO_EDGE), None
+    search.base, search.screened = with_cost(hypothesis((), base[0]), base[1]), {"hem": signature()}
     found = [with_cost(hypothesis((name,), mm), cost) for name, (mm, cost) in singles.items()]
     search.singles, search.joint, search.instead = {h.effects[0]: h for h in found}, [], []
     return search

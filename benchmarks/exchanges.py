@@ -53,9 +53,8 @@ def moved(draw: np.random.Generator, motion: str, time: Floats, at: Floats) -> F
     elif motion == "flick":
         for _ in range(draw.integers(1, 6)):
             when, fast = draw.uniform(time[0], time[-1]), draw.uniform(0.25, 1.0) * MEASURED_TO / 2
-            places += grown[:, None] * np.exp(-(((clock - when - 0.2 * down) / fast) ** 2))[..., None] * draw.normal(
-                0, 0.15, 3
-            )
+            bump = grown * np.exp(-(((clock - when - 0.2 * down) / fast) ** 2))
+            places += bump[..., None] * draw.normal(0, 0.15, 3)
     elif motion == "turn":
         angle, middle = np.cumsum(wave(0.3, 1.0, 3.0), 0) * np.diff(time, prepend=time[0])[:, None], across.mean()
         away = places[..., 0] - middle, places[..., 1].copy()

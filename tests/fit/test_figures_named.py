@@ -18,7 +18,7 @@ from fit.batch.store import open_store
 from fit.batch.summary import STATE_WORDS, Row, as_csv, as_facts, as_html
 from fit.cloth.mesh import check_mesh
 from fit.errors import FitError
-from fit.export.kinds import Order, contents
+from fit.export.kinds import Order, check_order
 from fit.export.new_motion import check_motion
 from fit.export.worn import FigureOrder
 from fit.identification.request import Plan
@@ -90,9 +90,9 @@ def test_the_nights_table_has_no_rounding_noise_of_a_bound(method):
         (lambda: FigureOrder(speed=4.5).check(6.0), r"^--speed: nobody walks at 4.5 m/s; were kilometres an hour mea"),
         (lambda: FigureOrder().check(6000.0), r"^--seconds: 6000 s is no length .*; were milliseconds meant\? Give "),
         (lambda: check_motion("twist", 6000.0), r"^--seconds: 6000 s is no length .*; were milliseconds meant\? Give "),
-        (lambda: contents(Order(result=a_fit(), thickness=0.5), "usd-physics", "a.usda"),
+        (lambda: check_order(Order(result=a_fit(), thickness=0.5), "usd-physics"),
          r"^--thickness: no fabric is 500 mm thick; were millimetres meant\? Give 1e-05 to 0.02 m, as in 0.0005$"),
-        (lambda: contents(Order(result=a_fit(), thickness=50.0), "usd-physics", "a.usda"),
+        (lambda: check_order(Order(result=a_fit(), thickness=50.0), "usd-physics"),
          r"^--thickness: no fabric is 50000 mm thick; were micrometres meant\? Give 1e-05 to 0.02 m, as in 0.0005$"),
         (lambda: check_mesh(sheet(), 0.0001), r"; the spacing is in metres: 0\.1 for 100 millimetres or 0\.01 for 1 "),
         (lambda: check_mesh(sheet(), 0.00005), r"; the spacing is in metres: 0\.05 for 50 millimetres$"),

@@ -1,8 +1,8 @@
 """Measure how often honest markers are said to have exchanged labels, and how many exchanges are found.
 
-Run: python benchmarks/exchanges.py [HONEST] [EXCHANGED] [SEED]. Three thousand honest takes and one thousand with an
-exchange unless told otherwise, drawn anew for each seed: a garment's grid of markers that swings, ripples, folds over,
-is flicked or turned, or two panels that pass each other. Rate, distance, noise and lost sightings are drawn as well.
+Run: python benchmarks/exchanges.py [HONEST] [EXCHANGED] [SEED]. Without numbers, it draws three thousand honest takes
+and one thousand with an exchange. A garment's grid of markers swings, ripples, folds over, is flicked or turned, or two
+panels pass each other. Rate, distance, noise and lost sightings are drawn as well. Each seed draws other takes.
 
 An exchange is of two to four markers, in a frame alone, a few, a stretch, or one end of the file. It is found exactly
 where its positions, and no others, count as not seen. Positions under the right names that count as not seen are lost.

@@ -66,7 +66,7 @@ def read_with_report(path: Path) -> tuple[Take, TakeReport]:
     Raises:
         TakeError: as `read_take`.
     """
-    return _Archive(_bytes_of(path), path, is_being_written=is_being_written(path)).first()
+    return _opened(path).first()
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,12 @@ def read_every_take(path: Path) -> EveryTake:
     Raises:
         TakeError: the file is missing, not a take, or has no header that can be read.
     """
-    return _Archive(_bytes_of(path), path, is_being_written=is_being_written(path)).every()
+    return _opened(path).every()
+
+
+def _opened(path: Path) -> _Archive:
+    is_written = is_being_written(path)  # asked first: a writer that ends after the bytes are read has written more
+    return _Archive(_bytes_of(path), path, is_being_written=is_written)
 
 
 def _bytes_of(path: Path) -> bytes:

@@ -93,7 +93,7 @@ def is_left_over(path: Path, *, instead: str = ANOTHER_NAME) -> bool:
 
 def is_being_written(path: Path) -> bool:
     """Return whether a writer holds this unfinished file at this moment; False where nobody can know."""
-    if not path.name.endswith(".partial"):
+    if not (path.name.endswith(".partial") and os.path.isfile(path)):  # to open a pipe would wait for its other end
         return False
     try:
         with path.open("rb") as file:

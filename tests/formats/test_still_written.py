@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import fcntl
 import json
+import os
 import threading
 import time
 
 import pytest
 
+from formats import take_reader
 from formats.archive import read_take
 from formats.errors import TakeError
 from formats.fault_words import doubts_of
@@ -55,6 +57,28 @@ def test_one_without_a_block_is_not_called_ended(raw, tmp_path):
         read_take(partial)
     assert str(refused.value) == f"{partial}: holds no frame yet; {YET}"
     writer.discard()
+
+
+def test_a_take_whose_writer_ends_while_it_is_read_is_not_called_interrupted(monkeypatch, tmp_path):
+    writer, bytes_of = a_writer(tmp_path), take_reader._bytes_of
+    add(writer, 60)
+    writer._unfinished.sync()
+
+    def read_then_end(path):
+        raw = bytes_of(path)
+        writer.finish()
+        return raw
+
+    monkeypatch.setattr(take_reader, "_bytes_of", read_then_end)
+    partial = tmp_path / "t.mcap.partial"
+    assert take_reader.verify_take(partial).is_being_written
+    assert not partial.exists()
+
+
+def test_a_pipe_under_an_unfinished_name_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(pipe := tmp_path / "t.mcap.partial")
+    with pytest.raises(TakeError, match="is a pipe"):
+        read_take(pipe)
 
 
 def test_a_take_without_a_frame_yet_is_begun_and_not_lost(raw, tmp_path):

@@ -56,19 +56,33 @@ def _points(take: Take, sights: Sights) -> list[Finding]:
             Finding(
                 name="garment_never_seen", words=f"no point {which} was ever seen",
                 is_grave=fitted_sights(take, sights) < FEWEST_SEEN,
-                advice="let it hang free below the hanger, 8 cm or more before any wall",
+                advice=_held_above(take) or "let it hang free below the hanger, 8 cm or more before any wall",
             )
         ]  # fmt: skip
     advice = "bring the whole garment into view, with nothing before it"
     if take.rig.hanger is not None and set(_held_points(take)) <= set(never):
         (left, *_), (right, *_) = take.rig.hanger.held_m
         advice = f"measure hanger.held_m again: by its ends the held edge is {100 * (right - left):.0f} cm wide"
+        advice = _held_above(take) or advice
     return [
         Finding(
             name="points_never_seen",
             words=f"{_names(never)} {'was' if len(never) == 1 else 'were'} never seen", advice=advice,
         )
     ]  # fmt: skip
+
+
+def _held_above(take: Take) -> str:
+    """Return what to correct in a rig whose held ends are above its markers, where a cloth below is not looked for."""
+    if take.rig.hanger is None:
+        return ""
+    highest = max(end[1] for end in take.rig.hanger.held_m)
+    if highest >= 0:
+        return ""
+    return (
+        f"the rig's hanger.held_m puts the held edge {-1e3 * highest:.0f} mm above the markers, as y points down; "
+        "drop the minus signs if it hangs below"
+    )
 
 
 def _names(names: list[str]) -> str:

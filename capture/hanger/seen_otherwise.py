@@ -1,4 +1,4 @@
-"""Diagnose undetected fiducial markers: seen twice, mirrored, inverted, of other ids or of another dictionary.
+"""Diagnose undetected fiducial markers: doubled, mirrored, upside down, inverted, of other ids or another dictionary.
 
 A mirrored marker does not belong to its dictionary, so a mirrored image shows no marker at all.
 """
@@ -32,10 +32,9 @@ def seen_otherwise(colour: Bytes | None, hanger: Hanger, *, is_turned: bool = Fa
     seen = times_seen(colour, hanger.dictionary)
     if doubled := _doubled(seen, hanger):
         return _seen_twice(doubled, [number for number in hanger.ids if not seen[number]])
-    if _finds(np.ascontiguousarray(colour[:, ::-1]), hanger, hanger.dictionary):
-        if is_turned:
-            return "the file says that its pictures are mirrored, and both are read without that: set its xnMirror to 0"
-        return "both are seen in the picture's mirror image: switch the sensor's mirror off"
+    mirrored = np.ascontiguousarray(colour[:, ::-1])
+    if _finds(mirrored, hanger, hanger.dictionary):
+        return _seen_mirrored(is_on_its_head=is_upside_down(mirrored, hanger), is_turned=is_turned)
     if _finds(255 - colour, hanger, hanger.dictionary):
         return "both are seen white on black: print them black on white"
     if len(others := sorted(set(seen) - set(hanger.ids))) >= len(hanger.ids):
@@ -64,6 +63,18 @@ def is_upside_down(colour: Bytes | None, hanger: Hanger) -> bool:
     corners = MarkerDetector(hanger.dictionary, hanger.ids).in_picture(colour)  # clockwise from the top left one
     across, down = (corners[:, 3] - corners[:, 0]).T
     return bool((down < -np.abs(across)).all())
+
+
+def _seen_mirrored(*, is_on_its_head: bool, is_turned: bool) -> str:
+    if is_turned:
+        step = "set its xnMirror to 0" + " and turn the sensor over" * is_on_its_head
+        return f"the file says that its pictures are mirrored, and both are read without that: {step}"
+    if is_on_its_head:
+        return (
+            "both are seen with the picture's rows turned round: record the top row first, or turn the sensor over "
+            "and switch off its mirror"
+        )
+    return "both are seen in the picture's mirror image: switch the sensor's mirror off"
 
 
 def _seen_twice(doubled: list[int], absent: list[int]) -> str:

@@ -19,10 +19,12 @@ OFF = 0.1  # of a length: a side of 17 px is measured to a pixel, and a plate ro
 NEAREST_DEPTH = 0.3  # m: smaller values of a sensor are not distances
 SATURATED = 65_000  # of 65535, the largest depth value
 DEPTH_UNITS = {  # mm of each
-    "metres": 1000.0, "decimetres": 100.0, "centimetres": 10.0, "tenths of a millimetre": 0.1,
-    "eighths of a millimetre, above the three bits of a Kinect's player": 0.125,
+    "metres": 1000.0, "decimetres": 100.0, "inches": 25.4, "centimetres": 10.0,
+    "units of 8 mm, as after three bits too many of a Kinect's player were cut off": 8.0,
+    "tenths of a millimetre": 0.1, "eighths of a millimetre, above the three bits of a Kinect's player": 0.125,
 }  # fmt: skip
-UNIT_WITHIN = 0.25  # of depth: a rotated or badly measured marker; tenths and eighths apart, units differ by 10 times
+UNIT_WITHIN = 0.25  # of depth: a rotated or badly measured marker; other units than eighths and 8 mm differ 2.5-fold
+ROUNDED_DOWN, ROUNDED_UP = 0.5, 1.0  # units: a whole number is rounded by half a unit, or cut off by one
 ALIKE = 0.1  # of each other: two lengths that are wrong because of the focal length agree so closely
 
 
@@ -66,11 +68,16 @@ def wrong_unit(colour: Bytes, depth: Unsigned, rig: Rig) -> str:
         )
     if abs(by_distance / by_size - 1) > UNIT_WITHIN:
         return ""
-    off = {name: abs(by_size / count - away) for name, count in DEPTH_UNITS.items()}
+    off = {name: _share_off(by_size / count, away) for name, count in DEPTH_UNITS.items()}
     nearest = min(off, key=off.__getitem__)
-    if off[nearest] > max(UNIT_WITHIN * away, 0.5):
+    if off[nearest] > UNIT_WITHIN or _share_off(by_size, away) <= UNIT_WITHIN:
         return ""
     return f"{shown}: depth is probably in {nearest}; record it in millimetres"
+
+
+def _share_off(expected: float, whole: float) -> float:
+    """Return by what share an expected depth lies outside of those that a whole number stands for, both in one unit."""
+    return max(whole - ROUNDED_DOWN - expected, expected - whole - ROUNDED_UP, 0.0) / whole
 
 
 def wrong_size(hanger: Hanger, sensor: Sensor, seen: tuple[float, float]) -> str:

@@ -74,7 +74,7 @@ class Condition(Enum):
     )
     MISFIT = Saying(
         "both markers are read, but depth and the rig's sizes contradict each other",
-        "measure marker_size_m and marker_distance_m of the rig again; check that depth comes in millimetres; keep "
+        "check that depth comes in millimetres; measure marker_size_m and marker_distance_m of the rig again; keep "
         "sun and gloss off the markers", Lamp.SLOW,
     )  # fmt: skip
     NO_GARMENT = Saying(

@@ -27,6 +27,12 @@ def of_hanger(take, **changes):
     )
 
 
+def held_at(take, left, right):
+    """The same take of a rig whose held ends are so far below the markers [m]."""
+    (x, _, z), (other, _, deep) = RIG.hanger.held_m
+    return of_hanger(take, held_m=((x, left, z), (other, right, deep)))
+
+
 def unseen(take, points, frames=slice(None)):
     valid = take.points_valid.copy()
     valid[frames, points] = False
@@ -57,6 +63,10 @@ def holes(*spans):
 
 SWING = "swing for five seconds or more, then hold still until the cloth hangs"
 IN_VIEW = "bring the whole garment into view, with nothing before it"
+ABOVE = (
+    "the rig's hanger.held_m puts the held edge 70 mm above the markers, as y points down; "
+    "drop the minus signs if it hangs below"
+)
 MEASURE = "measure it again, or choose the file of the garment that hangs there"
 
 
@@ -101,6 +111,12 @@ MEASURE = "measure it again, or choose the file of the garment that hangs there"
          "swing it to and fro by the width of a hand or more"),
         (unseen(swung(), slice(None)), "garment_never_seen", True, "no point of the garment was ever seen",
          "let it hang free below the hanger, 8 cm or more before any wall"),
+        (held_at(unseen(swung(), slice(None)), -0.09, -0.07), "garment_never_seen", True,
+         "no point of the garment was ever seen", ABOVE),
+        (held_at(unseen(swung(), [0, 1]), -0.07, -0.07), "points_never_seen", False,
+         f"{NAMES[0]}, {NAMES[1]} were never seen", ABOVE),
+        (held_at(unseen(swung(), slice(None)), -0.09, 0.0), "garment_never_seen", True,
+         "no point of the garment was ever seen", "let it hang free below the hanger, 8 cm or more before any wall"),
         (unseen(swung(), [2]), "points_never_seen", False, f"{NAMES[2]} was never seen", IN_VIEW),
         (unseen(swung(), [1, 2]), "points_never_seen", False, f"{NAMES[1]}, {NAMES[2]} were never seen", IN_VIEW),
         (unseen(swung(), [0, 1]), "points_never_seen", False, f"{NAMES[0]}, {NAMES[1]} were never seen",
@@ -114,7 +130,7 @@ MEASURE = "measure it again, or choose the file of the garment that hangs there"
          "the garment is larger than described: bottom_right and bottom_left are at "
          "most 55 cm apart, 50 cm in its file", MEASURE),
     ],
-    ids=range(19),
+    ids=range(22),
 )  # fmt: skip
 def test_a_finding_says_what_is_wrong_and_what_to_do(take, name, is_grave, words, advice):
     (found,) = judge(take)

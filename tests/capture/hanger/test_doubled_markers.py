@@ -100,6 +100,21 @@ def test_a_hanger_stands_on_its_head_where_both_its_markers_do():
     assert is_upside_down(picture((0, 100, 50), (7, 220, 50))[::-1, ::-1], HANGER) is False
 
 
+def test_a_picture_whose_rows_are_exchanged_is_no_mirror_that_can_be_switched_off():
+    """Upside down it is its mirror image turned by half a circle, and read the other way round it is upright."""
+    upright = picture((0, 100, 50), (1, 220, 50))
+    by_rows, by_columns = np.ascontiguousarray(upright[::-1]), np.ascontiguousarray(upright[:, ::-1])
+    mirror = "both are seen in the picture's mirror image: switch the sensor's mirror off"
+    assert seen_otherwise(by_columns, HANGER) == mirror
+    assert seen_otherwise(by_rows, HANGER) == (
+        "both are seen with the picture's rows turned round: record the top row first, or turn the sensor over "
+        "and switch off its mirror"
+    )
+    turned = "the file says that its pictures are mirrored, and both are read without that: set its xnMirror to 0"
+    assert seen_otherwise(by_columns, HANGER, is_turned=True) == turned
+    assert seen_otherwise(by_rows, HANGER, is_turned=True) == f"{turned} and turn the sensor over"
+
+
 def test_nothing_is_told_of_dots_or_without_a_picture():
     assert seen_otherwise(None, HANGER) == ""
     assert seen_otherwise(picture((0, 100, 50), (0, 220, 50)), DOTS) == ""

@@ -106,7 +106,9 @@ def test_nothing_is_measured_without_both_markers_or_their_depth():
 @pytest.mark.parametrize(
     ("depth", "unit"),
     [(1, "metres"), (7, "decimetres"), (72, "centimetres"), (7200, "tenths of a millimetre"),
-     (6800, "tenths of a millimetre"), (720, ""), (650, ""), (1440, ""),
+     (6800, "tenths of a millimetre"), (720, ""), (650, ""), (1440, ""), (0, ""), (28, "inches"),
+     (90, "units of 8 mm, as after three bits too many of a Kinect's player were cut off"),
+     (85, "units of 8 mm, as after three bits too many of a Kinect's player were cut off"), (76, "centimetres"),
      (5760, "eighths of a millimetre, above the three bits of a Kinect's player")],
 )  # fmt: skip
 def test_depth_in_another_unit_than_millimetres_is_named_by_the_size_of_the_markers(depth, unit):
@@ -118,6 +120,18 @@ def test_depth_in_another_unit_than_millimetres_is_named_by_the_size_of_the_mark
     examination = examined(drawn(0, 1), rig=stated())
     examination.sample.frames[0].depth[:] = depth
     assert not unit or markers_visible(examination).text.endswith(f"of other sizes than the rig's; {words}")
+
+
+@pytest.mark.parametrize(
+    ("metres", "whole"), [(1.2, 1), (1.645, 1), (1.645, 2), (1.99, 1), (2.4, 2)], ids=str,
+)  # fmt: skip
+def test_whole_metres_are_named_whether_they_were_cut_off_or_rounded(metres, whole):
+    """Sizes of the rig times `metres` / 0.72 put the same picture at `metres`."""
+    share = metres / 0.72
+    told = wrong_unit(
+        drawn(0, 1), np.full_like(DEPTH, whole), stated(marker_size_m=0.06 * share, marker_distance_m=0.2 * share)
+    )
+    assert told.endswith("depth is probably in metres; record it in millimetres")
 
 
 def test_no_focal_length_is_named_that_no_sensor_has():

@@ -49,6 +49,7 @@ class Findings:
     other_compressions: set[str] = field(default_factory=set)
     has_loose_messages: bool = False  # a message lies outside of chunks, as some programs write them
     lacks_checksum: bool = False  # a chunk states none
+    largest_refused: int = 0  # bytes that the largest chunk beyond `LARGEST_CHUNK` states
     left_packed: int = 0  # chunks that seem sound, but exceed `bytes_left`
     bytes_left: int = FREE_BYTES  # budget of unpacked bytes beyond the chunks' shares
     records_left: int = FREE_RECORDS  # budget of records beyond the chunks' shares
@@ -175,6 +176,8 @@ def _records(raw: bytes, at: int, end: int, starts: _Starts, findings: Findings)
     if name_length > LONGEST_NAME or begin > end or struct.unpack_from("<Q", raw, begin - 8)[0] != end - begin:
         return None
     findings.lacks_checksum |= crc == 0  # in MCAP a checksum of 0 stands for none
+    if size > LARGEST_CHUNK and crc:
+        findings.largest_refused = max(findings.largest_refused, size)
     if not 0 < size <= LARGEST_CHUNK or crc == 0:
         return None
     compression, packed = raw[at + 41 : begin - 8], memoryview(raw)[begin:end]

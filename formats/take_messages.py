@@ -15,6 +15,7 @@ MOST_CONTAINERS = 60_000  # maps and lists of a header: 2000 points have 6000; t
 # Limits of another message, which has a map of at most 17 entries, and a list of two.
 FEW_CONTAINERS, FEW_ENTRIES, LONGEST_LIST = 16, 64, 2
 FORMAT_KEY = b"\xa6format"  # in msgpack
+HEADERS_FORMAT, HEADERS_START = b"hangtime-take/", 64  # within so many first bytes of a header: writers begin with it
 FORMAT_1 = FORMAT_KEY + b"\xafhangtime-take/1"
 # Placeholders for the hash of a header that has not come yet, and of a header that is lost.
 NO_HEADER, LOST_HEADER = b"none", b"lost"
@@ -25,6 +26,9 @@ FIELDS = {
     "held", "held_sd", "held_valid", "points", "points_sd", "points_valid", "points_hidden", "grid_valid",
     "contour_valid",
 }  # fmt: skip
+
+
+NOT_UNPACKED = (ValueError, msgpack.exceptions.UnpackException, RecursionError)
 
 
 class Message(dict[str, Any]):
@@ -67,11 +71,13 @@ class Contents:
     - `headers`: the bytes of each header, not yet decoded, by the hash that binds other messages to it
     - `parts`: the other messages by that hash; None where a message names no take and no header of version 1 exists
     - `damaged`: number of messages of no known kind
+    - `longest_unread`: length of the longest message that begins as a header and is longer than one may be [bytes]
     """
 
     headers: dict[bytes, bytes] = field(default_factory=dict)
     parts: defaultdict[bytes | None, Parts] = field(default_factory=lambda: defaultdict(Parts))
     damaged: int = 0
+    longest_unread: int = 0
 
     def of(self, binding: bytes | None) -> Parts:
         """Return the messages bound to this header."""
@@ -85,6 +91,14 @@ class Contents:
     def takes(self) -> list[bytes]:
         """Return the hashes of takes with blocks, in the order of their first headers."""
         return [binding for binding in self.headers if self.of(binding).blocks]
+
+    def limit_of_headers(self) -> str:
+        """Return by how much a header is larger than a reader accepts; "" where none is."""
+        if self.longest_unread:
+            return f"its header has {self.longest_unread} bytes, and a take's has {MOST_HEADER_BYTES} at most"
+        if any(_has_many_parts(data) for data in self.headers.values()):
+            return f"its header has more than {MOST_CONTAINERS} maps and lists"
+        return ""
 
     def by_preference(self) -> Iterator[bytes]:
         """Yield the takes: finished ones first, then those with the most blocks, and the last one of equals."""
@@ -188,6 +202,8 @@ def sorted_messages(messages: Iterable[tuple[bytes, int]], refund_copy: Callable
             content = {"format": None}
         if not isinstance(content, dict):
             contents.damaged += 1
+            if len(data) > MOST_HEADER_BYTES and HEADERS_FORMAT in data[:HEADERS_START]:
+                contents.longest_unread = max(contents.longest_unread, len(data))
             continue
         if "format" in content:
             header = contents.headers.setdefault(binding := binding_of(data), data)
@@ -225,23 +241,42 @@ def header_of(data: bytes) -> dict[str, Any] | None:
     return content if isinstance(content, dict) and "format" in content else None
 
 
+class _PartsError(ValueError):
+    """A message has more maps and lists than its kind may have."""
+
+
+def _has_many_parts(data: bytes) -> bool:
+    """Return whether a header is within its bytes, and has more maps and lists than a reader accepts."""
+    try:
+        _unpack(data, MOST_CONTAINERS, len(data), len(data))
+    except _PartsError:
+        return True
+    except NOT_UNPACKED:
+        return False
+    return False
+
+
 def _unpacked(data: bytes, containers: int, entries: int, items: int) -> Any:
     """Return the content of a message, None where it is malformed, or has too many or too large maps and lists."""
+    try:
+        return _unpack(data, containers, entries, items)
+    except NOT_UNPACKED:
+        return None
+
+
+def _unpack(data: bytes, containers: int, entries: int, items: int) -> Any:
     count = 0
 
     def counted(container: Any) -> Any:
         nonlocal count
         count += 1
         if count > containers:
-            raise ValueError("too many parts")
+            raise _PartsError("too many parts")
         return container
 
-    try:
-        return msgpack.unpackb(
-            data, object_hook=counted, list_hook=counted, max_ext_len=0, max_map_len=entries, max_array_len=items
-        )
-    except (ValueError, msgpack.exceptions.UnpackException, RecursionError):
-        return None
+    return msgpack.unpackb(
+        data, object_hook=counted, list_hook=counted, max_ext_len=0, max_map_len=entries, max_array_len=items
+    )
 
 
 def _is_finished(parts: Parts) -> bool:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from formats.chunks import MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
+from formats.chunks import LARGEST_CHUNK, MCAP_MAGIC, Findings, messages_in, messages_with_sizes, profile_of
+from formats.descriptions import MOST_POINTS
 from formats.errors import TakeBegunError, TakeError
 from formats.left_descriptions import left_beside
 from formats.missing import noted_doubts, possible_spans
@@ -30,6 +31,7 @@ MOST_TAKES = 50  # read from one file: more than a person would join
 COPY = "copy it again from where it was recorded"
 UNTIL_WRITTEN = "wait until the recording or import that writes it has ended"
 ONI_START = b"NI10"  # first bytes of a sensor recording (.oni), as OpenNI2 writes it
+WITH_LESS = f"write it again with a garment of at most {MOST_POINTS} points and with shorter notes"
 NO_TAKE = "give a file that `hangtime record` or `hangtime import` wrote"
 
 
@@ -172,6 +174,8 @@ class _Archive:
             self._contents.damaged += 1
         if self._is_being_written:
             raise TakeBegunError("holds no readable header yet", where=self._where, advice=UNTIL_WRITTEN)
+        if limit := self._contents.limit_of_headers():
+            raise TakeError(f"cannot be read: {limit}", where=self._where, advice=WITH_LESS)
         raise _no_header(self._raw, self._findings, self._where)
 
     def _read_or_lost(self, binding: bytes) -> tuple[Take, TakeReport] | TakeError:
@@ -271,6 +275,9 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
         return TakeError(f"is not a take archive: {detail}", where=path, advice=NO_TAKE)
     if profile is not None and (other := of_another_version(profile.partition("/")[2], path)) is not None:
         return other
+    if findings.largest_refused:
+        size = f"{findings.largest_refused / 1e6:.1f} MB, {LARGEST_CHUNK / 1e6:.1f} MB at most are read"
+        return TakeError(f"cannot be read: a chunk in it unpacks to {size}", where=path, advice=WITH_LESS)
     if raw.startswith(MCAP_MAGIC) or b"hangtime-take" in raw[:4096]:
         why = "the file is not a take archive" if profile is None else "the recording ended in its first second"
         return TakeError("holds no readable header", where=path, advice=f"{why}, or too little of it is left")

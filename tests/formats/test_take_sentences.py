@@ -83,6 +83,38 @@ def test_a_header_of_another_file_or_version_is_refused_with_its_field(raw, chan
     assert refused(raw[: chunks_of(raw)[0][0]] + chunk_of(header_of(raw, **changes))) == sentence
 
 
+def test_a_header_of_too_many_parts_is_no_recording_that_ended_in_its_first_second(raw):
+    """Of lists, or of points of the garment, which are too many for a garment before they are for a header."""
+    begin = raw[: chunks_of(raw)[0][0]]
+    garment = chunks_of(raw)[0][2]["garment"]
+    points = [{**garment["points"][0], "name": f"p{k}", "at_m": [k * 1e-5, 0.1]} for k in range(2001)]
+    assert refused(begin + chunk_of(header_of(raw, garment={**garment, "points": points}))) == (
+        "a: its garment is invalid: points: 2001 are more than the 2000 that a take holds; record it again"
+    )
+    assert refused(begin + chunk_of(header_of(raw, many=[[]] * 60_000))) == (
+        "a: cannot be read: its header has more than 60000 maps and lists; write it again with a garment of at most "
+        "2000 points and with shorter notes"
+    )
+
+
+def test_a_header_beyond_its_bytes_is_named_with_them(raw):
+    begin = raw[: chunks_of(raw)[0][0]]
+    for longer in (1 << 20, 10_000_000):
+        header = header_of(raw, notes={"long": "x" * longer})
+        said = (
+            f"a: cannot be read: its header has {len(header)} bytes, and a take's has 1048576 at most; write it again "
+        )
+        assert refused(begin + chunk_of(header)).startswith(said)
+        assert refused(begin + chunk_of(header) + chunk_of(header_of(raw))).startswith("a: holds no frame")
+
+
+def test_a_chunk_beyond_its_bytes_is_named_with_them(raw):
+    header = header_of(raw, notes={"long": "x" * (1 << 24)})
+    assert refused(raw[: chunks_of(raw)[0][0]] + chunk_of(header)).startswith(
+        "a: cannot be read: a chunk in it unpacks to 16.8 MB, 16.8 MB at most are read; write it again with a garment"
+    )
+
+
 def test_a_take_of_which_no_frame_is_left_says_how_many_it_had(raw):
     """Its blocks are gone, or they and its end; or it had none from the beginning."""
     parts = chunks_of(raw)

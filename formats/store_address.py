@@ -36,6 +36,8 @@ CLOUDS_OWN = re.compile(r"http://(169\.254\.|metadata\b|\[fd00:ec2::)")  # serve
 # HTTP statuses of a server that is busy, full or broken for a while (RFC 9110, RFC 6585); 501 lasts.
 FOR_A_WHILE = re.compile(r"status code: (?:408|429|5(?!01)\d\d)\b")
 BAD_SCHEME = "BadScheme"  # reqwest's error for a server without TLS that no setting allows
+NO_TLS_ANSWER = "InvalidMessage("  # rustls's error for an answer that is none of TLS
+CERTIFICATE = re.compile(r"InvalidCertificate\(\s*(?:Other\(\s*OtherError\(\s*)?(\w+)")  # rustls's, with its reason
 SETTINGS_BEGIN = ("AWS_", "AZURE_", "GOOGLE_")
 KEYS_OF = {
     "S3": "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY", "GCS": "GOOGLE_SERVICE_ACCOUNT",
@@ -193,6 +195,11 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
     stated = {name: os.environ.get(name, "") for name in ENDPOINTS[kind]}
     stated |= {name: value for name, value in config.items() if re.search("endpoint|base_url", name.lower())}
     for name, value in stated.items():
+        if value != value.strip():
+            refuse(
+                f"{name} begins or ends with a space (it is {without_secrets(value)!r})",
+                "set it again, without that space",
+            )
         if value and not value.startswith(("http://", "https://")):
             refuse(
                 f"{name} lacks http:// or https:// (it is {without_secrets(value)})", "write the server's whole address"
@@ -204,6 +211,8 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
     for name, value in settings.items():
         if re.search(r"[\x00-\x1f\x7f]", value):
             refuse(f"{name} holds a line break or another control character", "set it again, without that character")
+        if value != value.strip():
+            refuse(f"{name} begins or ends with a space", "set it again, without that space")
 
 
 def _is_servers_address(text: str) -> bool:
@@ -223,6 +232,11 @@ def advice_on(error: Exception) -> str:
         return "set this computer's clock (timedatectl set-ntp true)"
     if is_without_tls(error):
         return f"set {ALLOWING.get(store, ALLOWING['S3'])}=true if the server has no TLS, else write https://"
+    if answers_without_tls(error):
+        step = f"and set {ALLOWING[store]}=true" if store in ALLOWING else ""
+        return f"write http:// for https:// in the server's address {step}".strip() + ", or give its port with TLS"
+    if reason := certificates_fault(error):
+        return _step_to_trust(reason)
     if is_without_keys(error):
         return f"set {KEYS_OF.get(store, KEYS_OF['S3'])}"
     return "check the address, the network and the access keys"
@@ -233,6 +247,24 @@ def is_without_tls(error: Exception) -> bool:
     return BAD_SCHEME in str(error)
 
 
+def answers_without_tls(error: Exception) -> bool:
+    """Return whether a server at an https address answered, and not in TLS."""
+    return NO_TLS_ANSWER in str(error)
+
+
+def certificates_fault(error: Exception) -> str:
+    """Return the library's reason to distrust a server's certificate, such as UnknownIssuer; "" for another error."""
+    return found[1].removesuffix("Context") if (found := CERTIFICATE.search(str(error))) else ""
+
+
+def _step_to_trust(reason: str) -> str:
+    if reason in ("Expired", "NotValidYet"):
+        return "set this computer's clock (timedatectl set-ntp true), or renew the server's certificate"
+    if reason == "NotValidForName":
+        return "write the name in the address that the certificate is made out for"
+    return "add the authority of its certificate to those that this computer trusts, or correct the address"
+
+
 def is_without_keys(error: Exception) -> bool:
     """Return whether the request was not sent because no access keys are set."""
     return CLOUDS_OWN.search(str(error)) is not None
@@ -241,12 +273,14 @@ def is_without_keys(error: Exception) -> bool:
 def is_out_of_reach(error: Exception) -> bool:
     """Return whether no server answered, or one that cannot for a while, so that a later attempt may succeed.
 
-    A server that refuses a request answers with another status. Missing keys and settings that prevent a request do
-    not change by themselves.
+    A server that refuses a request answers with another status. Missing keys, settings that prevent a request, a server
+    without TLS and a distrusted certificate do not change by themselves.
     """
     import obstore
 
     if is_without_tls(error) or is_without_keys(error) or not isinstance(error, obstore.exceptions.GenericError):
+        return False
+    if answers_without_tls(error) or certificates_fault(error):
         return False
     if kept := KEPT_REASON.search(str(error)):
         return kept[2] in BUSY_CODES
@@ -266,6 +300,10 @@ def first_line(error: Exception) -> str:
     if "HTTP error" in text and (request := FAILED_REQUEST.search(text)):
         cause = CAUSE.search(str(error))
         text = f"{request[1]} does not answer" + (f": {cause[1]}" if cause else "")
+        if answers_without_tls(error):
+            text = f"{request[1]} answers, and not in TLS"
+        if distrust := certificates_fault(error):
+            text = f"{request[1]} has a certificate that is not trusted: {distrust}"
         if is_without_tls(error):
             text = f"{request[1]} is an address without TLS, to which nothing is sent unasked"
     return without_secrets(text)[:LONGEST_REASON]

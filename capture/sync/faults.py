@@ -9,7 +9,7 @@ from functools import partial
 from typing import Literal
 
 from capture.errors import SyncError
-from formats.store_address import first_line, is_without_keys, is_without_tls, without_secrets
+from formats.store_address import answers_without_tls, first_line, is_without_keys, is_without_tls, without_secrets
 
 FULL_CODES = {
     "InsufficientStorage",
@@ -182,6 +182,9 @@ def _no_answer(error: Exception, text: str, where: str) -> ServerError:
         return fault(
             f"this device does not trust the server's certificate ({reason or found[0]})", kind="person", advice=advice
         )
+    if answers_without_tls(error):
+        advice = "write http:// in endpoint and allow_http = true in [sync], or give the server's port with TLS"
+        return fault("the server answers, and not in TLS", kind="person", advice=advice)
     if "ConnectionRefused" in text or "onnection refused" in text:
         return fault(
             "nothing answers at the server's address",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import socket
+import ssl
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -13,6 +14,7 @@ import pytest
 from formats import command
 from formats.errors import AddressError
 from formats.store_address import advice_on, first_line, folder_of, is_out_of_reach, open_bucket
+from tests.capture.sync.servers import Authority
 from tests.fit.here import hangtime_here
 
 SKEWED = (
@@ -32,7 +34,7 @@ def test_a_servers_address_without_its_scheme_is_named(monkeypatch, name):
 
 @pytest.mark.parametrize(
     "address",
-    ["http://", "http://127.0.0.1:9 ", "http://127.0.0.1:port", "http://127.0.0.1:99999", "http://[::1",
+    ["http://", "http://127.0.0.1:port", "http://127.0.0.1:99999", "http://[::1",
      "http://\u00fc.example", "https://:9", "http://a b"],
 )  # fmt: skip
 def test_a_servers_address_that_ends_in_a_panic_of_the_library_is_refused(monkeypatch, address):
@@ -280,6 +282,68 @@ def test_a_panic_of_a_library_is_one_sentence(monkeypatch, tmp_path):
     assert done.returncode == 2
     assert done.stderr.startswith("hangtime: a library failed (request ")
     assert len(done.stderr.splitlines()) == 1
+
+
+def listed(address):
+    """The error of a list that is asked of a server."""
+    obstore = pytest.importorskip("obstore")
+    config = {"endpoint": address, "region": "r", "access_key_id": "a", "secret_access_key": "b"}
+    store = open_bucket("s3://bkt/x", extra="batch", config=config, retries=0)
+    with pytest.raises(obstore.exceptions.GenericError) as caught:
+        list(obstore.list(store))
+    return caught.value
+
+
+def test_a_server_without_tls_at_an_https_address_is_named_and_not_waited_for(asked):
+    address = os.environ["AWS_ENDPOINT_URL"].replace("http:", "https:")
+    error = listed(address)
+    assert first_line(error) == f"{address} answers, and not in TLS"
+    assert advice_on(error) == (
+        "write http:// for https:// in the server's address and set AWS_ALLOW_HTTP=true, or give its port with TLS"
+    )
+    assert (asked, is_out_of_reach(error)) == ([], False)
+
+
+def test_a_certificate_of_an_unknown_authority_is_named_and_not_waited_for(tmp_path):
+    authority = Authority.make(tmp_path)
+    with ThreadingHTTPServer(("127.0.0.1", 0), BaseHTTPRequestHandler) as server:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(authority.certificate, authority.key)
+        server.socket = context.wrap_socket(server.socket, server_side=True)
+        server.handle_error = lambda *_: None
+        threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}).start()
+        address = f"https://127.0.0.1:{server.server_port}"
+        error = listed(address)
+        server.shutdown()
+    assert first_line(error) == f"{address} has a certificate that is not trusted: UnknownIssuer"
+    assert advice_on(error).startswith("add the authority of its certificate to those that this computer trusts")
+    assert not is_out_of_reach(error)
+
+
+@pytest.mark.parametrize(
+    ("reason", "advice"),
+    [("Expired", "set this computer's clock"), ("ExpiredContext {", "set this computer's clock"),
+     ("NotValidYet", "set this computer's clock"), ("NotValidForName", "write the name in the address"),
+     ("Other(\n OtherError(\n CaUsedAsEndEntity", "add the authority of its certificate")],
+)  # fmt: skip
+def test_each_fault_of_a_certificate_has_its_step(reason, advice):
+    assert advice_on(OSError(f"error: InvalidCertificate(\n   {reason}")).startswith(advice)
+
+
+@pytest.mark.parametrize("value", [" http://h:9", "http://h:9 ", "\u00a0http://h:9"])
+def test_a_space_around_a_setting_is_named_and_no_lack_of_a_scheme(monkeypatch, value):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", value)
+    with pytest.raises(AddressError) as caught:
+        open_bucket("s3://bkt/takes", extra="batch")
+    assert str(caught.value) == (
+        f"s3://bkt/takes: AWS_ENDPOINT_URL begins or ends with a space (it is {value!r}); set it again, without that "
+        "space"
+    )
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://h:9")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", f"secret{value[-1]} ")
+    with pytest.raises(AddressError, match="AWS_SECRET_ACCESS_KEY begins or ends with a space; set") as caught:
+        open_bucket("s3://bkt/takes", extra="batch")
+    assert "secret " not in str(caught.value)
 
 
 def test_a_setting_of_a_servers_address_is_checked_as_well():

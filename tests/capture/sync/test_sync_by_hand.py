@@ -64,6 +64,12 @@ def test_a_certificate_that_is_not_trusted_gets_the_step_for_its_reason(text, re
     assert fault.kind == "person"
 
 
+def test_an_answer_without_tls_waits_for_a_person_and_says_what_to_write():
+    fault = fault_of(RuntimeError("HTTP error: error: InvalidMessage(\n  InvalidContentType,\n)"), "s3://b")
+    assert (fault.what, fault.kind) == ("the server answers, and not in TLS", "person")
+    assert fault.advice.startswith("write http:// in endpoint and allow_http = true in [sync]")
+
+
 @pytest.mark.parametrize(
     ("body", "words"),
     [

@@ -21,7 +21,7 @@ from formats.importers.c3d_blocks import (
 )
 from formats.importers.c3d_doubled import FrameBytes, refuse_doubled_bytes
 from formats.importers.c3d_header import first_of
-from formats.importers.c3d_layout import FASTEST_RATE, Header, read_header
+from formats.importers.c3d_layout import FASTEST_RATE, Header, Layout, read_header
 from formats.importers.c3d_more_frames import warning_of_more_frames
 from formats.importers.c3d_moved_frames import warning_of_moved_frames
 from formats.importers.c3d_parameters import FLOAT, SHORT, Parameters, numbers_of
@@ -83,10 +83,7 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
             advice="export it again",
         )  # fmt: skip
     if not points or frames <= 0:
-        raise TakeError(
-            f"has no marker paths ({points} points, {max(frames, 0)} frames)", where=path,
-            advice="export trajectories, not only analogue data",
-        )  # fmt: skip
+        raise _without_paths(layout, parameters, path)
     if not 0 < rate <= FASTEST_RATE:
         states = f"states {rate:g} frames a second; {USABLE_RATES}" if rate > 0 else "states no frame rate above 0"
         raise TakeError(states, where=path, advice="export it again with its frame rate")
@@ -94,7 +91,7 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     blocks = find_blocks(path, layout.data_at, frames * layout.width, layout.width)
     within = FrameBytes(layout.data_at, end, header.end, layout.width, kind, points, header.processor)
     repeated, cycle, more = _refuse_moved_bytes(path, size, header, within, wanted, blocks)
-    has_labels = any(labels)
+    has_labels, without_name = any(labels), points - sum(map(bool, labels[:points]))
     # Labels beyond the number of points name no point, and may be empty. Points beyond the labels have no name.
     without_path = tuple(filter(None, labels[points:]))
     labels = [*labels[:points], *(f"unlabelled_{k}" for k in range(len(labels), points))]
@@ -136,7 +133,20 @@ def read_c3d(path: Path, unit: GivenUnit | str | None, wanted: Wanted = ALL) -> 
     warnings.append(warning_of_zeros(gaps.zeros, positions, labels, frame_of))
     return MarkerTracks(
         tuple(labels), time, positions, header.rate, "; ".join(filter(None, warnings)), has_times=False,
-        without_path=without_path, zeros=gaps.zeros.sum(0),
+        without_path=without_path, without_name=without_name, zeros=gaps.zeros.sum(0),
+    )  # fmt: skip
+
+
+def _without_paths(layout: Layout, parameters: Parameters, path: Path) -> TakeError:
+    """Return the error of a file without points or without frames; `layout`: of its frames."""
+    counts = [counted(layout.points, "point"), counted(max(layout.frames, 0), "frame")]
+    rotations = int(max(first_of(parameters.numbers("ROTATION", "USED")), 0))
+    if rotations:
+        counts.append(counted(rotations, "rotation"))
+    others = ["analogue data"] * (layout.analogue > 0) + ["rotations"] * (rotations > 0)
+    return TakeError(
+        f"has no marker paths ({', '.join(counts)})", where=path,
+        advice="export trajectories" + f", not only {' and '.join(others)}" * bool(others),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from formats.errors import TakeError
 from formats.importers.c3d_file import read_c3d
 from formats.importers.folders import refuse_folder
+from formats.importers.foreign_files import refuse_foreign
 from formats.importers.marker_text import read_marker_text
 from formats.importers.marker_tracks import ALL, MarkerTracks, Wanted
 from formats.importers.number_cells import DECIMALS
@@ -58,6 +59,10 @@ def read_marker_tracks(
             f"is for text, and {path.name} is none", where="--decimal",
             advice="leave out --decimal, or import that file by itself",
         )  # fmt: skip
+    try:
+        refuse_foreign(path)
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=path, advice=step_to_read(error)) from error
     given = None if unit is None else GivenUnit(unit, anyway)
     if kind == ".c3d":
         tracks = read_c3d(path, given, wanted)

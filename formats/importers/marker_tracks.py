@@ -37,6 +37,7 @@ class MarkerTracks:
     - `has_times`: whether the file has a time for each frame, rather than a frame rate only
     - `warning`: warnings about contradictions in a file that was read all the same, '' without any
     - `without_path`: names for which the file has no trajectory
+    - `without_name`: number of trajectories for which the file has no name
     - `zeros`: how often each marker has three zero coordinates, read as not seen, (markers,); None if unknown
     - `expected`: names for which the file has only a computed trajectory, and no measured one
     - `overridden`: symbols of the units that the file states and that did not count
@@ -51,6 +52,7 @@ class MarkerTracks:
     warning: str = ""
     has_times: bool = True
     without_path: tuple[str, ...] = ()
+    without_name: int = 0
     expected: tuple[str, ...] = ()
     zeros: Integers | None = None
     named_unit: float | None = None

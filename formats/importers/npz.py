@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.errors import TakeError
+from formats.importers.foreign_files import DOWNLOADED, refuse_foreign
 from formats.plain_text import counted, sized
 from formats.system_causes import step_to_read
 from formats.whole_files import check_ends
@@ -54,6 +55,7 @@ def load_arrays(path: Path, names: Collection[str], *, most_bytes: int, advice: 
                 file.seek(0)
                 if file.read(len(BEGINNING)) == BEGINNING:
                     raise TakeError(_without_end(file), where=path, advice="copy or export it again")
+                refuse_foreign(path, DOWNLOADED)
                 raise TakeError(
                     "is empty" if not path.stat().st_size else "is no .npz archive", where=path, advice=advice
                 )

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from formats.errors import TakeError
-from formats.importers.marker_lines import COMMENT, LOOKED_AT, OWN_TIME, Rows
+from formats.importers.marker_lines import COMMENT, LOOKED_AT, MOST_OF_DEVICES, MOST_TITLES, OWN_TIME, Rows
 from formats.importers.marker_numbers import Table, read_frames
 from formats.importers.marker_tracks import MarkerTracks, Wanted
 from formats.importers.number_cells import CELL_SHOWN, is_number, number_of
@@ -32,6 +32,7 @@ TIME_COLUMN = re.compile(OWN_TIME, re.IGNORECASE)
 PARTS_OF_A_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "\u00b5s": 1e6, "\u03bcs": 1e6, "ns": 1e9}
 COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
 SPACED_TRC = re.compile(r"\s*pathfiletype +\d", re.IGNORECASE)  # its first line, with spaces between cells
+SECTIONS_OF_VICON = ("devices", "events", "joints", "model outputs", "segments")  # Vicon, "ASCII (.csv) export"
 UNNAMED_COLUMN = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
 WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE in R"
 FEWEST_COUNTED = 3  # lines; our choice: fewer do not show that their first cells are row numbers
@@ -62,6 +63,7 @@ def read_own(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wante
             advice=f"name it {TIME}, or time_ms, time_us or time_ns",
         )  # fmt: skip
     if begin is None:
+        _refuse_other_tables(rows, head, line, path)
         raise TakeError(
             f"no line names the columns; line {line} begins with {head[0][:CELL_SHOWN]!r}", where=path,
             advice=f"put above the frames {EXPECTED_COLUMNS}; "
@@ -79,6 +81,36 @@ def read_own(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wante
         width, range(clock + 1, width, 3), names, metres, lambda first: first[:, clock] / parts, is_exact=True,
     )  # fmt: skip
     return replace(read_frames(body, table, path, wanted).tracks(names), named_unit=1 / parts)
+
+
+def _refuse_other_tables(rows: Rows, head: list[str], line: int, path: Path) -> None:
+    """Refuse a table of Vicon Nexus without markers, and one that names its columns in no known way.
+
+    `head`: cells of the first line, whose number is `line`
+    """
+    if head[0].lower() in SECTIONS_OF_VICON:
+        within = f" in its first {MOST_OF_DEVICES} lines" * (rows.numbers[-1] > MOST_OF_DEVICES)
+        raise TakeError(
+            f"line {line} begins the section {head[0]} of Vicon Nexus, and the file has no Trajectories{within}",
+            where=path, advice="export it again with the trajectories of the markers",
+        )  # fmt: skip
+    for number, cells in zip(rows.numbers[:MOST_TITLES], rows[:MOST_TITLES], strict=True):
+        if (name := _first_x(cells)) is not None:
+            raise TakeError(
+                f"line {number} names columns such as {name[:CELL_SHOWN]!r}, and the file has neither the header of a "
+                f"known program nor a column {TIME}", where=path,
+                advice=f"export it again with its header, or name the columns {EXPECTED_COLUMNS}",
+            )  # fmt: skip
+
+
+def _first_x(cells: list[str]) -> str | None:
+    """Return the first of a line's cells that names an x, beside whose y and z it stands; None without one."""
+    names = [cell.strip() for cell in cells]
+    for k in range(len(names) - 2):
+        x, y, z = (name.lower() for name in names[k : k + 3])
+        if x[-1:] == "x" and (x[:-1] + "y", x[:-1] + "z") == (y, z):
+            return names[k]
+    return None
 
 
 def _as_named(cell: str) -> str:

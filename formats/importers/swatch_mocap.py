@@ -147,11 +147,14 @@ def _of_garment(tracks: MarkerTracks, garment: Garment, path: Path, options: Mar
     if absent:
         near = nearest_label(tracks.labels, absent[0])
         of_file = f"the file has {near!r}" if near else f"the file's first is {tracks.labels[0]!r}"
+        bare = tracks.without_name
+        of_paths = f"{bare} of its {counted(len(tracks.labels), 'path')} {'has' if bare == 1 else 'have'} no label"
         raise TakeError(
             f"{len(absent)} of the garment's {len(garment.points)} markers {'is' if len(absent) == 1 else 'are'} not "
-            f"in the file, first {absent[0]!r} ({of_file})",
+            f"in the file, first {absent[0]!r} ({of_file})" + f"; {of_paths}" * bool(bare),
             where=path,
-            advice="name the garment's points as the markers are labelled",
+            advice="name the garment's points as the markers are labelled"
+            + ", or label all markers and export it again" * bool(bare),
         )
     for name, columns in found.items():
         if len(columns) > 1:

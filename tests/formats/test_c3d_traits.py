@@ -196,3 +196,22 @@ def test_a_file_without_labels_is_refused_where_markers_are_needed(tmp_path, lab
     with pytest.raises(TakeError, match=r"a\.c3d: has the trajectories of 3 points and no label; label the markers, a"):
         read_c3d(tmp_path / "a.c3d", None, Wanted(names=("a",)))
     assert read_c3d(tmp_path / "a.c3d", None).positions.shape == (30, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("rotations", "analogue", "sentence"),
+    [
+        (21, 0, "has no marker paths (0 points, 12 frames, 21 rotations); export trajectories, not only rotations"),
+        (1, 6, "has no marker paths (0 points, 12 frames, 1 rotation); export trajectories, not only analogue data "
+         "and rotations"),
+        (0, 6, "has no marker paths (0 points, 12 frames); export trajectories, not only analogue data"),
+        (0, 0, "has no marker paths (0 points, 12 frames); export trajectories"),
+    ],
+)  # fmt: skip
+def test_a_file_without_points_says_what_it_holds(tmp_path, rotations, analogue, sentence):
+    """The frames are those that it states, though none of them has a byte of points."""
+    more = [("USED", struct.pack("<h", rotations), 2, [], 4)] if rotations else []
+    raw = c3d_bytes(np.zeros((12, 0, 3)), [], analogue=analogue, more=more)
+    with pytest.raises(TakeError) as refused:
+        read(tmp_path, raw)
+    assert str(refused.value) == f"{tmp_path / 'a.c3d'}: {sentence}"

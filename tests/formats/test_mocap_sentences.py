@@ -11,6 +11,7 @@ import pytest
 from formats.errors import HangtimeError
 from formats.importers.marker_tracks import nearest_label, write_marker_csv
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
+from tests.formats.c3d_by_hand import c3d_bytes
 from tests.formats.test_marker_oddities import GARMENT, hanging
 
 FIRST = GARMENT.point_names[0]
@@ -182,3 +183,19 @@ def test_a_marker_is_on_a_corner_within_two_millimetres(tmp_path, side, name):
 )  # fmt: skip
 def test_the_nearest_label_differs_in_case_subject_or_signs_alone(name, labels, near):
     assert nearest_label(labels, name) == near
+
+
+@pytest.mark.parametrize(("named", "paths"), [(12, "4 of its 16 paths have"), (15, "1 of its 16 paths has")])
+@pytest.mark.parametrize("blank", [False, True])
+def test_paths_without_a_label_are_counted_where_a_marker_is_missing(tmp_path, named, paths, blank):
+    """blank: the file has labels of spaces for them"""
+    labels = [*GARMENT.point_names[:named], *[" "] * (16 - named) * blank]
+    (tmp_path / "a.c3d").write_bytes(c3d_bytes(1e3 * hanging().positions, labels))
+    with pytest.raises(HangtimeError) as error:
+        import_marker_take(tmp_path / "a.c3d", GARMENT)
+    absent = "4 of the garment's 16 markers are" if named == 12 else "1 of the garment's 16 markers is"
+    assert str(error.value) == (
+        f"{tmp_path / 'a.c3d'}: {absent} not in the file, first '{GARMENT.point_names[named]}' (the file's first is "
+        f"'{FIRST}'); {paths} no label; name the garment's points as the markers are labelled, or label all markers "
+        "and export it again"
+    )

@@ -20,7 +20,7 @@ import numpy as np
 
 from formats.arrays import Floats, Integers
 from formats.importers.marker_lines import Rows
-from formats.importers.number_cells import CELL_SHOWN, Form, form_of, is_seen, magnitude_of
+from formats.importers.number_cells import CELL_END, CELL_SHOWN, Form, form_of, is_seen, magnitude_of
 from formats.plain_text import first_few
 
 LINES_LOOKED_AT, MOST_COLUMNS = 200, 300  # sample of a file, from which its number format is learnt
@@ -110,6 +110,7 @@ def remove_odd_numbers(
     markers = {k: marker for marker, axes in enumerate(columns.tolist()) for k in axes}
     fixed = written_as(rows, markers, form)
     usual = dict[int, re.Pattern[str]]()  # by the number of cells in a line
+    not_usual = re.compile(f"{_usual_number(CELL_END, '[.,]', form)}{CELL_END}|(.*){CELL_END}")
     odd = list[tuple[int, int, str]]()
     for at, text in enumerate(rows.lines[:-1]):  # other checks handle the last line
         cells = text.count(rows.separator) + 1
@@ -117,8 +118,10 @@ def remove_odd_numbers(
             usual[cells] = _usual_line(rows.separator, cells, fixed, form)
         if cells in usual and usual[cells].match(text):
             continue
-        for k, cell in enumerate(rows[at]):
-            if k in fixed and is_seen(cell) and form_of(cell) != form and np.isfinite(positions[at, markers[k]]).all():
+        for k, cell in enumerate(not_usual.findall(CELL_END.join([*rows[at], ""]))):  # '' for each usual cell
+            if not cell or k not in fixed or not is_seen(cell) or form_of(cell) == form:
+                continue
+            if np.isfinite(positions[at, markers[k]]).all():
                 odd.append((at, k, cell.strip()))
     of_column, of_text = Counter(k for _, k, _ in odd), Counter((k, text) for _, k, text in odd)
     odd = [one for one in odd if of_column[one[1]] <= MOST_ODD and of_text[one[1:]] == 1]
@@ -145,7 +148,16 @@ def _lines_looked_at(rows: Rows) -> Iterator[list[str]]:
 
 def _usual_line(separator: str, cells: int, fixed: Collection[int], form: Form) -> re.Pattern[str]:
     """Return a pattern for lines with this many cells and this format; other lines are checked cell by cell."""
-    other, sign = re.escape(separator), "[.]" if separator == "," else "[.,]"
-    power = rf"[eE][+-]\d{{{form.power - 1}}}" if form.power else ""
-    number = rf"(?:[^{other}]*{sign}\d{{{form.digits}}}{power}[ \"]*|[^{other}.,1-9]*)"
+    other = re.escape(separator)
+    number = _usual_number(separator, "[.]" if separator == "," else "[.,]", form)
     return re.compile(other.join(number if k in fixed else f"[^{other}]*" for k in range(cells)) + "$")
+
+
+def _usual_number(separator: str, sign: str, form: Form) -> str:
+    """Return a pattern for a cell whose number has this format, or that shows no number other than 0.
+
+    `sign`: pattern for the decimal separator
+    """
+    other = re.escape(separator)
+    power = rf"[eE][+-]\d{{{form.power - 1}}}" if form.power else ""
+    return rf"(?:[^{other}]*{sign}\d{{{form.digits}}}{power}[ \"]*|[^{other}.,1-9]*)"

@@ -40,7 +40,13 @@ from capture.garment.flat_garment import CENTRE_ROLE, flat_garment
 from capture.garment.folding import THRESHOLD, TRACES, Belief, traces
 from capture.garment.geodesic import FINE_STEPS, farthest_place, geodesic_distances
 from capture.garment.held_scatter import HeldScatter
-from capture.garment.occlusion import COVERED, folded_away, is_at_border, is_behind_something
+from capture.garment.occlusion import (
+    COVERED,
+    folded_away,
+    is_at_border,
+    is_behind_something,
+    with_ends,
+)
 from capture.garment.peeking import peeking_area
 from capture.garment.placing import Placer, project
 from capture.garment.plausibility import MotionGate
@@ -166,8 +172,8 @@ class SilhouetteTracker:
         missing = ~_are_known(places[:4])
         distances, along = self._ways_between(surface, places)
         hidden = np.zeros(len(places), bool)
-        folded, wrong = folded_away(along, self.flat.distances, is_held)
-        dropped = folded | wrong
+        folded, wrong = folded_away(*self._with_held_ends(surface, places, along, held, is_held))
+        dropped = (folded | wrong)[:4]
         beyond: Beyond | None = None
         if (dropped | missing).any():
             ways = SeenWays(surface, cell, held, distances, ~(dropped | missing))
@@ -220,6 +226,17 @@ class SilhouetteTracker:
         missing = ~_are_known(places[:4])
         along[missing] = along[:, missing] = np.nan
         return distances, along
+
+    def _with_held_ends(
+        self, surface: Floats, places: Floats, along: Floats, held: Floats, is_held: Booleans
+    ) -> tuple[Floats, Floats, Booleans]:
+        """Return what `folded_away` takes: the corners, and after them the held ends at which no corner is found."""
+        known = _are_known(places[:4])
+        ends = [e for e in (0, 1) if not any(is_held[i] and end == e for i, end in enumerate(self.held_corners))]
+        if not ends or known.all() or not known.any():  # four corners test one another
+            return along, self.flat.distances, is_held
+        seen = geodesic_distances(surface, np.concatenate([held[ends], places[:4]]))[1][: len(ends), len(ends) :]
+        return with_ends(along, self.flat.distances, is_held, seen, self.flat.from_ends[ends])
 
     def _traces(self, silhouette: Silhouette, i: int, pixel: Floats, beyond: Beyond, held: Floats) -> Floats:
         """Return the features of corner i for the regression of `capture.garment.folding`."""

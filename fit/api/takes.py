@@ -15,6 +15,7 @@ from formats.archive import read_take
 from formats.blocks import check_columns, columns_of
 from formats.descriptions import check_garment, check_rig
 from formats.errors import TakeError
+from formats.fault_words import STILL_WRITTEN
 from formats.plain_text import plain
 from formats.plausible import check_plausible_take
 from formats.system_causes import step_to_read
@@ -138,6 +139,9 @@ def say_takes(training: list[Take], testing: list[Take], spacing: float | None =
 
     judging = f"judging on {_listed(testing)}" if testing else "judging on the same, as none is held out"
     say(f"Fitting to {_listed(training)}; {judging}.{cost_words(training[0].garment, spacing)}")
+    for take in [*training, *testing]:
+        if take.report is not None and take.report.is_being_written:
+            say(f"Warning: {plain(take.report.file)}: {STILL_WRITTEN}")
 
 
 def _listed(takes: list[Take]) -> str:

@@ -10,6 +10,7 @@ import time
 
 import pytest
 
+from fit.api.takes import say_takes
 from formats import take_reader
 from formats.archive import read_take
 from formats.errors import TakeError
@@ -39,6 +40,17 @@ def test_every_command_says_that_a_take_is_still_written(recorder, tmp_path, wor
     recorder.communicate("end")
     assert recorder.returncode == 0, "no reader disturbs the recording"
     assert not doubts_of(read_take(tmp_path / "t.mcap"))
+
+
+def test_a_fit_says_before_its_minutes_that_a_take_is_still_written(recorder, tmp_path, capsys):  # noqa: F811
+    """Its table of errors said so at its end."""
+    say_takes([read_take(tmp_path / "t.mcap.partial")], [])
+    assert capsys.readouterr().err.splitlines() == [
+        "Fitting to t; judging on the same, as none is held out.", f"Warning: {tmp_path}/t.mcap.partial: {STILL}",
+    ]  # fmt: skip
+    recorder.communicate("end")
+    say_takes([read_take(tmp_path / "t.mcap")], [])
+    assert "Warning" not in capsys.readouterr().err
 
 
 def test_one_without_a_block_is_not_called_ended(raw, tmp_path):

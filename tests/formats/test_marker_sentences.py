@@ -35,8 +35,8 @@ ONE = "0,1.5,2,3,4,5,6\n"
          f"column 7 of line 2 is missing, not 'b_z_m'; the line of names must be {EXPECTED_COLUMNS}"),
         ("time_s\n0\n", None, "names no markers; export the trajectories with their names"),
         ("\nTime,x,y,z\n0,1,2,3\n", None,
-         "no line names the columns; line 2 begins with 'Time'; put above the frames "
-         f"{EXPECTED_COLUMNS}; {NO_COLUMNS}"),
+         "line 2 names columns such as 'x', and the file has neither the header of a known program nor a column "
+         f"time_s; export it again with its header, or name the columns {EXPECTED_COLUMNS}"),
         (OWN.replace("time_s", "time"), None,
          "column 1 of line 1 is 'time', no time with its unit; name it time_s, or time_ms, time_us or time_ns"),
         (OWN.replace("time_s", "Zeit (ms)"), None,

@@ -179,7 +179,7 @@ def test_plain_numbers_are_read_as_all_others_are(tmp_path):
         ("# a\n\n# b\n" + OWN + "\n0,1,2,3,4,5,6\n\n1,2,3,4,5,6,x\n", "line 8 holds 'x', which is no number"),
         (OWN + "0,1,2,3,4,5,6\n# pause\n", "line 3 has 1 columns, not 7"),
         ("time_s\n0\n", "names no markers"),
-        ("\nTime,x,y,z\n0,1,2,3\n", "no line names the columns; line 2 begins with 'Time'; put above"),
+        ("\nTime,x,y,z\n0,1,2,3\n", "line 2 names columns such as 'x', and the file has neither the header of"),
         ("\nTime [s],x,y,z\n0,1,2,3\n", "column 2 of line 2 is 'x', no x of a marker"),
         (";;\n", "no line names the columns; line 1 begins with ''"),
         ("\n\n", "is empty"),

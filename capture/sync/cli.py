@@ -132,9 +132,17 @@ def prune_takes(
         unsafe=unsafe,
     )
     tell(f"{counted(len(room.left), 'take')} removed, {sized(room.used)} of takes stay, {sized(room.free)} are free")
-    if not room.is_enough:
+    stay = "1 take is" if unsafe == 1 else f"{unsafe} takes are"
+    unsafe_stay = f": {stay} not safe on the server and stay" if unsafe else ""
+    if room.used > retention.quota_bytes:
         asked = "--quota-mb" if quota_mb is not None else "the configuration"
-        tell(f"these takes exceed what {asked} allows: {unsafe} takes are not safe on the server and stay")
+        tell(f"these takes exceed what {asked} allows{unsafe_stay}")
+    if room.free < retention.least_free_bytes:
+        least = sized(retention.least_free_bytes)
+        tell(
+            f"the disk has {sized(room.free)} free, and least_free_bytes asks for {least}"
+            f"{unsafe_stay or ': other files fill it'}"
+        )
     _tell_strays(setup.spool)
 
 

@@ -198,6 +198,22 @@ def test_prune_names_the_limit_that_the_takes_exceed(spool, three):
     assert "these takes exceed what --quota-mb allows: 3 takes are not safe on the server and stay" in by_option
 
 
+def test_prune_names_a_disk_that_other_files_fill_and_no_takes(tmp_path, spool, three):
+    """No disk of these tests has the 1 PB that is asked for; the takes themselves are within their quota."""
+    config = tmp_path / "appliance.toml"
+    config.write_text(
+        f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\n'
+        "[sync.retention]\nleast_free_bytes = 1000000000000000\n"
+    )
+    told = hangtime("takes", "prune", "--config", config).stdout
+    assert "free, and least_free_bytes asks for 1000000.0 GB: 3 takes are not safe on the server and stay" in told
+    assert "exceed" not in told
+    assert hangtime("sync", "run", "--config", config).returncode == 0
+    told = hangtime("takes", "prune", "--config", config).stdout
+    assert told.endswith("free, and least_free_bytes asks for 1000000.0 GB: other files fill it\n")
+    assert "exceed" not in told
+
+
 def test_a_take_that_is_not_what_the_server_verified_any_more_stays_and_is_named(tmp_path, spool, three):
     config = tmp_path / "appliance.toml"
     config.write_text(f'[spool]\nfolder = "spool"\n[sync]\nurl = "file://{tmp_path}/server"\n')

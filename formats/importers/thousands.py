@@ -2,8 +2,8 @@
 
 Three kinds of number show that thousands are separated: 1,234.5 has both signs, 1,234,567 has two groups, and spaces or
 apostrophes are never decimal separators. The last sign of 1,234.5 is the decimal one. Whole numbers such as 1,234 show
-it where times such as 0.005 have the decimal sign, and where whole numbers such as 987 occur. So no guess is needed, if
-the whole file agrees:
+it beside times such as 0.005, where a coordinate goes from a number such as 987 to 1,012. Read as decimals, that
+coordinate would leap from 987 to 1.012. So no guess is needed, if the whole file agrees:
 
 - Every number has that decimal separator, and one kind of thousands separator. The error of a few lines with another
   decimal separator then names them.
@@ -40,6 +40,8 @@ MOST_OTHERWISE = 0.1  # of those lines; our choice: more may be written in the o
 SIGN_NAMES = {",": "commas", ".": "points", "'": "apostrophes", "\u2019": "apostrophes"}  # every other sign is a space
 FIRST_CELLS = 8  # cells; our choice: one of two markers' numbers contradicts a wrong decimal separator
 DOUBTFUL = "doubtful"  # stands among the kinds for a frame number such as 1,500 that does not count on
+# Of the larger number. Our choice: at 5 m/s and 50 frames a second, 1000 mm change by a tenth. A -1 for a gap leaps.
+MOST_PASSED = 0.1
 MANY = 5  # digits, from which on every language separates thousands (Unicode CLDR, minimumGroupingDigits)
 WHOLE_PART = re.compile(r"[+-]?(\d{4,})", re.ASCII)
 PARTED = re.compile(rf"[+-]?\d{{1,3}}([,.{GROUP_SIGNS}])\d{{3}}", re.ASCII)
@@ -88,8 +90,9 @@ class _Reading:
 
     - `names`: kinds of thousands separators; `shown`: number of lines that show one, `example` the first of them
     - `beside`: number of lines with whole numbers that have one, beside a clock's decimals; `whole`: the first of them
-    - `has_below`: whether whole numbers below 1000 occur beside a clock's decimals
-    - `wrong`: number of lines with a number that has another; `frame`: the last frame number
+    - `passes`: whether a coordinate passes 1000 there between two lines, as from 987 to 1,012
+    - `wrong`: number of lines with a number that has another; `frame`, `before`: the last frame number, and the
+      positions beside it, as text
     - `digits`: the whole parts that occur, by their digits, four or `MANY` and more, and whether with a separator
     """
 
@@ -97,11 +100,12 @@ class _Reading:
     names: set[str] = field(default_factory=set)
     shown: int = 0
     beside: int = 0
-    has_below: bool = False
+    passes: bool = False
     wrong: int = 0
     example: str = ""
     whole: str = ""
     frame: float = math.nan
+    before: str = ""
     digits: set[tuple[int, bool]] = field(default_factory=set)
 
     def take(self, cells: list[str]) -> None:
@@ -135,9 +139,19 @@ class _Reading:
         decimals, grouped, below = _patterns_beside(self.decimal, end)
         if not any(map(decimals.fullmatch, clock)):
             return
-        self.has_below = self.has_below or below.search(end + places) is not None
+        before, self.before = self.before, places
+        if not self.passes and below.search(end + before + end + places):
+            self.passes = any(map(self._goes_on, before.split(end), places.split(end)))
         if found := grouped.search(end + places):
             self.beside, self.whole = self.beside + 1, self.whole or found[1]
+
+    def _goes_on(self, one: str, other: str) -> bool:
+        """Return whether two cells are near each other with a thousands separator in one of them alone."""
+        sign = "," if self.decimal == "." else "."
+        if (sign in one) == (sign in other):
+            return False
+        small, large = (_number(cell.replace(sign, "")) for cell in sorted([one, other], key=lambda cell: sign in cell))
+        return abs(large - small) <= MOST_PASSED * abs(large)
 
     def _take_cells(self, cells: list[str], numbers: list[str], frame: float) -> bool:
         """Record the first cells of a line, one by one; return whether they show thousands separators.
@@ -185,7 +199,7 @@ class _Reading:
     def is_shown(self) -> bool:
         """Whether the file shows this reading, and nothing against it."""
         is_even = (MANY, False) not in self.digits and not {(4, True), (4, False)} <= self.digits
-        shown = max(self.shown, self.beside * self.has_below)
+        shown = max(self.shown, self.beside * self.passes)
         is_usual = shown >= FEWEST_SHOWN and self.wrong <= MOST_OTHERWISE * shown
         return is_usual and len(self.names) == 1 and is_even
 

@@ -219,6 +219,22 @@ def test_whole_thousands_that_a_column_contradicts_are_refused(tmp_path, name, k
         read_marker_tracks(path)
 
 
+@pytest.mark.parametrize("name", TIMED)
+@pytest.mark.parametrize("whole", ["2", "-1", "999", "1"])
+@pytest.mark.parametrize("factor", [1, 300])
+def test_decimals_beside_a_few_whole_numbers_are_never_read_as_thousands(tmp_path, name, whole, factor):
+    """Then 1,652 mm were read as 1652 mm, and a whole number or a code for a gap was the only sign of it."""
+    some = {WHOLE[5, 2], WHOLE[9, 2], WHOLE[15, 2], WHOLE[20, 4]}
+    path = tmp_path / name
+    path.write_text(
+        whole_thousands(
+            name, write=lambda value: whole if value in some else f"{factor * value / 1000 + 1:.3f}".replace(".", ",")
+        )
+    )
+    with pytest.raises(TakeError, match=r"holds '.+' beside '.+': which of them is the decimal separator\? Say which"):
+        read_marker_tracks(path)
+
+
 def test_whole_thousands_above_1000_are_read_with_a_stated_decimal_separator(tmp_path):
     path = tmp_path / "a.trc"
     path.write_text(whole_thousands("a.trc", WHOLE + 1000))

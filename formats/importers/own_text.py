@@ -33,6 +33,7 @@ PARTS_OF_A_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "\u00b5s": 1e6, "\u03bcs": 
 COLUMN = re.compile(r"(.*)_([xyz])(?:_([^_]+))?", re.IGNORECASE | re.DOTALL)  # a marker's name, axis and unit
 SPACED_TRC = re.compile(r"\s*pathfiletype +\d", re.IGNORECASE)  # its first line, with spaces between cells
 SECTIONS_OF_VICON = ("devices", "events", "joints", "model outputs", "segments")  # Vicon, "ASCII (.csv) export"
+MOTION_COLUMNS = ["time_s", "point", "x_m", "y_m", "z_m"]  # of `hangtime export --to csv --take`
 UNNAMED_COLUMN = re.compile(r"|unnamed: \d+", re.IGNORECASE)  # pandas' name for a column without one
 WITHOUT_IT = "write the file without it: index=False in pandas, row.names=FALSE in R"
 FEWEST_COUNTED = 3  # lines; our choice: fewer do not show that their first cells are row numbers
@@ -50,6 +51,11 @@ def read_own(rows: Rows, unit: GivenUnit | str | None, path: Path, wanted: Wante
     line, head = (rows.numbers[0], [_as_named(cell) for cell in rows[0]]) if rows else (1, [""])
     while len(head) > 1 and not head[-1]:  # a separator at the end of the line
         head.pop()
+    if head == MOTION_COLUMNS:
+        raise TakeError(
+            "holds a motion that `hangtime export` simulated, and no recording", where=path,
+            advice="import the recording; `hangtime takes export TAKE --to csv` writes the positions of a take",
+        )  # fmt: skip
     words = [word.strip(f"{COMMENT} ").lower() for word in head[:2]]
     begin = next((k for k, word in enumerate(words) if TIME_COLUMN.fullmatch(word)), None)
     if begin is None and SPACED_TRC.match(head[0]):

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from fit.export.caches import MOTION_HEADS
 from formats.errors import ImplausibleError, TakeError
+from formats.importers.marker_files import read_marker_tracks
 from formats.importers.marker_tracks import write_marker_csv
 from formats.importers.own_text import EXPECTED_COLUMNS, WITHOUT_IT
 from formats.importers.swatch_mocap import MarkerOptions, import_marker_take
+from formats.rows import csv_text
 from formats.swatch import swatch
 from tests.formats.test_marker_oddities import GARMENT, hanging
 from tests.formats.test_marker_tables import MOTIVE, read
@@ -219,3 +222,10 @@ def test_a_table_whose_times_are_in_another_unit_is_told_the_name_of_their_colum
     with pytest.raises(ImplausibleError) as refused:
         import_marker_take(path, GARMENT, MarkerOptions())
     assert str(refused.value) == f"{path}: {said}"
+
+
+def test_a_motion_that_an_export_simulated_is_no_recording(tmp_path):
+    path = tmp_path / "swing.motion.csv"
+    path.write_text(csv_text(MOTION_HEADS, [(0.0, "a", 0.1, 0.2, 1.3), (0.0, "held_left", 0.1, 0.2, 1.5)]))
+    with pytest.raises(TakeError, match=r"holds a motion that `hangtime export` simulated, and no recording\. Import "):
+        read_marker_tracks(path)

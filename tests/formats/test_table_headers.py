@@ -227,5 +227,5 @@ def test_a_table_whose_times_are_in_another_unit_is_told_the_name_of_their_colum
 def test_a_motion_that_an_export_simulated_is_no_recording(tmp_path):
     path = tmp_path / "swing.motion.csv"
     path.write_text(csv_text(MOTION_HEADS, [(0.0, "a", 0.1, 0.2, 1.3), (0.0, "held_left", 0.1, 0.2, 1.5)]))
-    with pytest.raises(TakeError, match=r"holds a motion that `hangtime export` simulated, and no recording\. Import "):
+    with pytest.raises(TakeError, match=r"holds a motion that `hangtime export` simulated, and no recording; import "):
         read_marker_tracks(path)

@@ -18,6 +18,7 @@ from typer.main import get_command
 
 from formats import telling
 from formats.command_groups import COMMAND_GROUPS, ORDER, OTHER_COMMANDS
+from formats.plain_text import as_typed, plain
 from formats.typed_values import reword
 
 OUTPUT = "Output"
@@ -190,10 +191,11 @@ def _leave_to_the_reader(parameter: Any) -> None:
 
 
 def _refuse_odd_texts(parameter: Any) -> None:
-    """Let a parameter refuse an empty text that is not its default, and a number refuse underscores.
+    """Let a parameter refuse an empty text that is not its default, a path below `~`, and a number with underscores.
 
     An empty text often comes from a variable of the shell that is not set. As a path it would be the current folder.
-    To Python 1_0 is ten, and its typist may have meant 1.0.
+    Shells leave `~` as it is in quotes, and most of them behind an equals sign. A folder of this name is a danger to
+    those who remove it. To Python 1_0 is ten, and its typist may have meant 1.0.
     """
     described = getattr(parameter, "type_descriptor", None)  # as in `_worded`
     kind = getattr(parameter.type, "name", "").split(" ")[0] if described is None else described.annotation
@@ -206,6 +208,9 @@ def _refuse_odd_texts(parameter: Any) -> None:
             message = ""
             if given == "" and is_typed:
                 message = f"the text is empty; {_instead_of_empty(parameter)}"
+            elif source is not None and source.name == "COMMANDLINE" and _is_below_home(given):
+                home = as_typed([os.path.expanduser(given)])
+                message = f"the shell did not put your home folder in place of ~ in {plain(given)}; give {home}"
             elif isinstance(given, str) and "_" in given and kind in NUMERIC:
                 message = f"{given!r} is no {NUMERIC[kind]}; write it without an underscore"
             if message:
@@ -213,6 +218,11 @@ def _refuse_odd_texts(parameter: Any) -> None:
         return process(ctx, value)
 
     parameter.process_value = checked
+
+
+def _is_below_home(given: object) -> bool:
+    """Return whether a value is a path below `~`, where no file or folder has this name."""
+    return isinstance(given, str) and given.split("/")[0] == "~" and not os.path.lexists("~")
 
 
 def _instead_of_empty(parameter: Any) -> str:

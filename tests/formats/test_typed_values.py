@@ -69,6 +69,34 @@ def test_an_empty_text_is_refused_before_it_becomes_the_current_folder(tmp_path,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["import", "a.csv", "--out", "~/b c"],
+        ["import", "a.csv", "--out=~/b c"],
+        ["takes", "export", "a", "--to", "csv", "--out", "~/b c"],
+        ["takes", "recover", "a", "--out", "~/b c"],
+        ["sensor", "synthesise", "~/b c"],
+        ["takes", "list", "~/b c"],
+        ["fit", "a", "~/b c"],
+        ["batch", "~/b c"],
+    ],
+)
+def test_a_path_below_a_home_folder_that_the_shell_left_out_makes_no_folder_of_this_name(tmp_path, monkeypatch, words):
+    monkeypatch.setenv("HOME", "/people/anna")
+    done = hangtime_here(*words, folder=tmp_path)
+    told = " ".join(done.stderr.split())
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "the shell did not put your home folder in place of ~ in ~/b c; give '/people/anna/b c'" in told, told
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_named_like_the_home_folder_is_read(tmp_path):
+    (tmp_path / "~").mkdir()
+    assert "~" in hangtime_here("takes", "list", "~/none", folder=tmp_path).stderr
+    assert "your home folder" not in hangtime_here("takes", "list", "~/none", folder=tmp_path).stderr
+
+
 def test_an_empty_text_that_is_the_default_and_an_empty_variable_of_the_environment_are_left(tmp_path, monkeypatch):
     monkeypatch.setenv("HANGTIME_SOCKET", "")
     assert "no recorder listens here" in hangtime_here("status", folder=tmp_path).stderr

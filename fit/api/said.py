@@ -41,8 +41,8 @@ def next_command(
 
 
 def _path(path: Path) -> str:
-    """Return a path as an argument that no command takes for an option."""
-    return f"./{path}" if str(path).startswith("-") else str(path)
+    """Return a path as an argument that no command takes for an option, nor a shell for a home folder."""
+    return f"./{path}" if str(path).startswith(("-", "~")) else str(path)
 
 
 def model_to_name(method: str, garment: Garment) -> str:

@@ -3,7 +3,8 @@
 Three kinds of number show that thousands are separated: 1,234.5 has both signs, 1,234,567 has two groups, and spaces or
 apostrophes are never decimal separators. The last sign of 1,234.5 is the decimal one. Whole numbers such as 1,234 show
 it beside times such as 0.005, where a coordinate goes from a number such as 987 to 1,012. Read as decimals, that
-coordinate would leap from 987 to 1.012. So no guess is needed, if the whole file agrees:
+coordinate would leap from 987 to 1.012. Several different whole numbers such as 987 in most lines show it too: numbers
+with decimals, codes for gaps and damage leave no such lines. So no guess is needed, if the whole file agrees:
 
 - Every number has that decimal separator, and one kind of thousands separator. The error of a few lines with another
   decimal separator then names them.
@@ -42,6 +43,8 @@ FIRST_CELLS = 8  # cells; our choice: one of two markers' numbers contradicts a 
 DOUBTFUL = "doubtful"  # stands among the kinds for a frame number such as 1,500 that does not count on
 # Of the larger number. Our choice: at 5 m/s and 50 frames a second, 1000 mm change by a tenth. A -1 for a gap leaps.
 MOST_PASSED = 0.1
+# Different whole numbers in a line. Our choice: a file has one code for a gap, or two.
+FEWEST_UNGROUPED = 3
 MANY = 5  # digits, from which on every language separates thousands (Unicode CLDR, minimumGroupingDigits)
 WHOLE_PART = re.compile(r"[+-]?(\d{4,})", re.ASCII)
 PARTED = re.compile(rf"[+-]?\d{{1,3}}([,.{GROUP_SIGNS}])\d{{3}}", re.ASCII)
@@ -71,16 +74,16 @@ def _patterns(decimal: str, sign: str, end: str) -> tuple[re.Pattern[str], ...]:
 
 
 @cache
-def _patterns_beside(decimal: str, end: str) -> tuple[re.Pattern[str], ...]:
-    """Return the patterns of a cell whose separator is surely decimal, and of two kinds of cells behind an `end`.
+def _patterns_beside(decimal: str) -> tuple[re.Pattern[str], ...]:
+    """Return the patterns of a cell whose separator is surely decimal, and of two kinds of cells behind a `CELL_END`.
 
     The two are whole numbers with thousands separators, and those below 1000.
     """
     point, group = re.escape(decimal), re.escape("," if decimal == "." else ".")
     return (
         re.compile(rf"\s*(?:0*{point}\d+|\d+{point}(?!\d{{3}}\s*$)\d+|\d{{4,}}{point}\d+)\s*", re.ASCII),
-        re.compile(rf"{end}([+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+)(?={end}|$)", re.ASCII),
-        re.compile(rf"{end}[+-]?[1-9]\d{{0,2}}(?={end}|$)", re.ASCII),
+        re.compile(rf"{CELL_END}([+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+)(?={CELL_END}|$)", re.ASCII),
+        re.compile(rf"{CELL_END}[+-]?[1-9]\d{{0,2}}(?={CELL_END}|$)", re.ASCII),
     )
 
 
@@ -91,6 +94,7 @@ class _Reading:
     - `names`: kinds of thousands separators; `shown`: number of lines that show one, `example` the first of them
     - `beside`: number of lines with whole numbers that have one, beside a clock's decimals; `whole`: the first of them
     - `passes`: whether a coordinate passes 1000 there between two lines, as from 987 to 1,012
+    - `below`: number of lines of `beside` with `FEWEST_UNGROUPED` different whole numbers below 1000
     - `wrong`: number of lines with a number that has another; `frame`, `before`: the last frame number, and the
       positions beside it, as text
     - `digits`: the whole parts that occur, by their digits, four or `MANY` and more, and whether with a separator
@@ -101,6 +105,7 @@ class _Reading:
     shown: int = 0
     beside: int = 0
     passes: bool = False
+    below: int = 0
     wrong: int = 0
     example: str = ""
     whole: str = ""
@@ -136,14 +141,16 @@ class _Reading:
     def _take_beside(self, line: str, end: str) -> None:
         """Record a line whose whole numbers show thousands separators beside the decimals of its clock."""
         *clock, places = line.split(end, OF_THE_CLOCK)
-        decimals, grouped, below = _patterns_beside(self.decimal, end)
+        decimals, grouped, below = _patterns_beside(self.decimal)
         if not any(map(decimals.fullmatch, clock)):
             return
-        before, self.before = self.before, places
-        if not self.passes and below.search(end + before + end + places):
-            self.passes = any(map(self._goes_on, before.split(end), places.split(end)))
-        if found := grouped.search(end + places):
+        before, self.before = self.before, places.replace(end, CELL_END)
+        text = CELL_END + self.before
+        if not self.passes and below.search(CELL_END + before + text):
+            self.passes = any(map(self._goes_on, before.split(CELL_END), self.before.split(CELL_END)))
+        if found := grouped.search(text):
             self.beside, self.whole = self.beside + 1, self.whole or found[1]
+            self.below += len(set(below.findall(text))) >= FEWEST_UNGROUPED
 
     def _goes_on(self, one: str, other: str) -> bool:
         """Return whether two cells are near each other with a thousands separator in one of them alone."""
@@ -199,7 +206,8 @@ class _Reading:
     def is_shown(self) -> bool:
         """Whether the file shows this reading, and nothing against it."""
         is_even = (MANY, False) not in self.digits and not {(4, True), (4, False)} <= self.digits
-        shown = max(self.shown, self.beside * self.passes)
+        is_beside = self.passes or 2 * self.below > self.beside  # most of these lines
+        shown = max(self.shown, self.beside * is_beside)
         is_usual = shown >= FEWEST_SHOWN and self.wrong <= MOST_OTHERWISE * shown
         return is_usual and len(self.names) == 1 and is_even
 

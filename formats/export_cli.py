@@ -66,7 +66,7 @@ def export_takes(
     writers: dict[ExportKind, Callable[..., str | None]] = {
         ExportKind.CSV: write_csv, ExportKind.C3D: write_c3d, ExportKind.NPZ: write_npz, ExportKind.RRD: write_rrd,
     }  # fmt: skip
-    stems = [path.with_name(path.name.removesuffix(".partial")).stem for path in paths]
+    stems = [Path(path.name.removesuffix(".partial")).stem for path in paths]
     targets = [out if to is ExportKind.PARQUET else out / f"{stem}.{to.value}" for stem in stems]
     if to is not ExportKind.PARQUET:
         check_folder_name(out, f".{to.value}")

@@ -149,3 +149,12 @@ def test_a_held_end_is_written_unless_a_tracked_point_is_it_or_has_its_name():
     assert marker_tracks(take).labels[4:] == ("held_left", "held_right")
     take.held_valid[:] = False
     assert marker_tracks(take).labels[4:] == ("held_left", "held_right")
+
+
+@pytest.mark.parametrize("name", [".", "/", ".partial"])
+@pytest.mark.parametrize("to", ["csv", "parquet"])
+def test_a_folder_and_a_file_without_a_stem_are_refused_in_one_line(tmp_path, name, to):
+    out = f"some.{to}" if to == "parquet" else "some"
+    done = hangtime_here("takes", "export", name, "--to", to, "--out", out, folder=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert done.stderr.startswith(f"hangtime: {name}: cannot be read (")

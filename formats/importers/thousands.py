@@ -2,9 +2,10 @@
 
 Three kinds of number show that thousands are separated: 1,234.5 has both signs, 1,234,567 has two groups, and spaces or
 apostrophes are never decimal separators. The last sign of 1,234.5 is the decimal one. Whole numbers such as 1,234 show
-it beside times such as 0.005, where a coordinate goes from a number such as 987 to 1,012. Read as decimals, that
-coordinate would leap from 987 to 1.012. Several different whole numbers such as 987 in most lines show it too: numbers
-with decimals, codes for gaps and damage leave no such lines. So no guess is needed, if the whole file agrees:
+it beside times such as 0.005, where coordinates go from two different numbers such as 987 to 1,012. Read as decimals,
+a coordinate would leap from 987 to 1.012, as to and from a code for a gap such as 999. Several different whole numbers
+such as 987 in most lines show it too: numbers with decimals, codes for gaps and damage leave no such lines. So no guess
+is needed, if the whole file agrees:
 
 - Every number has that decimal separator, and one kind of thousands separator. The error of a few lines with another
   decimal separator then names them.
@@ -43,6 +44,7 @@ FIRST_CELLS = 8  # cells; our choice: one of two markers' numbers contradicts a 
 DOUBTFUL = "doubtful"  # stands among the kinds for a frame number such as 1,500 that does not count on
 # Of the larger number. Our choice: at 5 m/s and 50 frames a second, 1000 mm change by a tenth. A -1 for a gap leaps.
 MOST_PASSED = 0.1
+FEWEST_PASSED = 2  # different numbers below 1000; our choice: a file's code for a gap, such as 999, is one
 # Different whole numbers in a line. Our choice: a file has one code for a gap, or two.
 FEWEST_UNGROUPED = 3
 MANY = 5  # digits, from which on every language separates thousands (Unicode CLDR, minimumGroupingDigits)
@@ -93,7 +95,7 @@ class _Reading:
 
     - `names`: kinds of thousands separators; `shown`: number of lines that show one, `example` the first of them
     - `beside`: number of lines with whole numbers that have one, beside a clock's decimals; `whole`: the first of them
-    - `passes`: whether a coordinate passes 1000 there between two lines, as from 987 to 1,012
+    - `passed`: the numbers below 1000 of coordinates that pass 1000 there between two lines, as from 987 to 1,012
     - `below`: number of lines of `beside` with `FEWEST_UNGROUPED` different whole numbers below 1000
     - `wrong`: number of lines with a number that has another; `frame`, `before`: the last frame number, and the
       positions beside it, as text
@@ -104,7 +106,7 @@ class _Reading:
     names: set[str] = field(default_factory=set)
     shown: int = 0
     beside: int = 0
-    passes: bool = False
+    passed: set[str] = field(default_factory=set)
     below: int = 0
     wrong: int = 0
     example: str = ""
@@ -146,8 +148,9 @@ class _Reading:
             return
         before, self.before = self.before, places.replace(end, CELL_END)
         text = CELL_END + self.before
-        if not self.passes and below.search(CELL_END + before + text):
-            self.passes = any(map(self._goes_on, before.split(CELL_END), self.before.split(CELL_END)))
+        if len(self.passed) < FEWEST_PASSED and below.search(CELL_END + before + text):
+            pairs = zip(before.split(CELL_END), self.before.split(CELL_END), strict=False)
+            self.passed |= {min(pair, key=len) for pair in pairs if self._goes_on(*pair)}
         if found := grouped.search(text):
             self.beside, self.whole = self.beside + 1, self.whole or found[1]
             self.below += len(set(below.findall(text))) >= FEWEST_UNGROUPED
@@ -206,7 +209,7 @@ class _Reading:
     def is_shown(self) -> bool:
         """Whether the file shows this reading, and nothing against it."""
         is_even = (MANY, False) not in self.digits and not {(4, True), (4, False)} <= self.digits
-        is_beside = self.passes or 2 * self.below > self.beside  # most of these lines
+        is_beside = len(self.passed) >= FEWEST_PASSED or 2 * self.below > self.beside  # most of these lines
         shown = max(self.shown, self.beside * is_beside)
         is_usual = shown >= FEWEST_SHOWN and self.wrong <= MOST_OTHERWISE * shown
         return is_usual and len(self.names) == 1 and is_even

@@ -235,6 +235,20 @@ def test_decimals_beside_a_few_whole_numbers_are_never_read_as_thousands(tmp_pat
         read_marker_tracks(path)
 
 
+@pytest.mark.parametrize("name", TIMED)
+def test_a_code_for_gaps_near_decimals_that_look_like_1000_shows_no_thousands(tmp_path, name):
+    """From 999 to 1,050 and back a coordinate seems to pass 1000; from one other number it really does."""
+    places = 1050 + np.round(PLACES / 100)
+    places[[5, 15], 2] = places[20, 4] = 999
+    path = tmp_path / name
+    path.write_text(whole_thousands(name, places))
+    with pytest.raises(TakeError, match=r"holds '.+' beside '.+': which of them is the decimal separator\? Say which"):
+        read_marker_tracks(path)
+    places[25, 4] = 998
+    path.write_text(whole_thousands(name, places))
+    assert read_marker_tracks(path).positions.reshape(30, 6) == pytest.approx(places / 1000, abs=1e-9)
+
+
 def test_whole_thousands_above_1000_are_read_with_a_stated_decimal_separator(tmp_path):
     path = tmp_path / "a.trc"
     path.write_text(whole_thousands("a.trc", WHOLE + 1000))

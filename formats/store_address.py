@@ -194,25 +194,21 @@ def _refuse_what_is_misread(url: str, config: Mapping[str, str]) -> None:
     kind = next(one for one in ENDPOINTS if parts.scheme in one)
     stated = {name: os.environ.get(name, "") for name in ENDPOINTS[kind]}
     stated |= {name: value for name, value in config.items() if re.search("endpoint|base_url", name.lower())}
-    for name, value in stated.items():
+    begin = KEYS_BEGIN.get(kind)
+    settings = {name: value for name, value in os.environ.items() if begin and name.startswith(begin)} | dict(config)
+    for name, value in {**stated, **settings}.items():
+        if re.search(r"[\x00-\x1f\x7f]", value):
+            refuse(f"{name} holds a line break or another control character", "set it again, without that character")
         if value != value.strip():
-            refuse(
-                f"{name} begins or ends with a space (it is {without_secrets(value)!r})",
-                "set it again, without that space",
-            )
+            shown = f" (it is {without_secrets(value)!r})" * (name in stated)  # any other may be a key
+            refuse(f"{name} begins or ends with a space{shown}", "set it again, without that space")
+    for name, value in stated.items():
         if value and not value.startswith(("http://", "https://")):
             refuse(
                 f"{name} lacks http:// or https:// (it is {without_secrets(value)})", "write the server's whole address"
             )
         if value and not _is_servers_address(value):
             refuse(f"{name} is no server's address (it is {without_secrets(value)!r})", "write http(s)://NAME:PORT")
-    begin = KEYS_BEGIN.get(kind)
-    settings = {name: value for name, value in os.environ.items() if begin and name.startswith(begin)} | dict(config)
-    for name, value in settings.items():
-        if re.search(r"[\x00-\x1f\x7f]", value):
-            refuse(f"{name} holds a line break or another control character", "set it again, without that character")
-        if value != value.strip():
-            refuse(f"{name} begins or ends with a space", "set it again, without that space")
 
 
 def _is_servers_address(text: str) -> bool:

@@ -66,7 +66,7 @@ def test_servers_addresses_with_port_path_and_six_byte_groups_are_taken(monkeypa
     open_bucket("s3://bkt/takes", extra="batch", client={"allow_http": True})
 
 
-@pytest.mark.parametrize("name", ["AWS_ACCESS_KEY_ID", "AWS_SESSION_TOKEN"])
+@pytest.mark.parametrize("name", ["AWS_ACCESS_KEY_ID", "AWS_SESSION_TOKEN", "AWS_ENDPOINT_URL"])
 def test_a_key_with_a_line_break_is_named_and_not_shown(monkeypatch, name):
     monkeypatch.setenv(name, "secret\n")
     with pytest.raises(AddressError, match=f"{name} holds a line break") as caught:

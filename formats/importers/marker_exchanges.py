@@ -74,7 +74,7 @@ def remove_exchanged(time: Floats, positions: Floats, labels: Sequence[str], whe
         seen = np.array([k for k in seen.tolist() if not is_smooth(steps, positions[:, k], LEAST_ROUGH_LEAP)], int)
     if len(seen) < 2:
         return ""
-    turns = _paths(time, positions, seen)
+    turns = _paths(steps, positions, seen)
     frames, paths = [*turns, len(time)], np.array(list(turns.values()))
     usual = np.array([_usual_path(one, np.diff(frames)) for one in paths.T])
     told = list[str]()
@@ -109,12 +109,12 @@ def _more(told: list[str]) -> str:
     return f" and {len(told) - MOST_LISTED} more times" if len(told) > MOST_LISTED else ""
 
 
-def _paths(time: Floats, positions: Floats, seen: Integers) -> dict[int, Integers]:
+def _paths(steps: Floats, positions: Floats, seen: Integers) -> dict[int, Integers]:
     """Return the path under each label, (markers seen,), from the first frame on, and from each one that changes it."""
     turns = defaultdict[int, list[tuple[Integers, Integers]]](list)
-    for one in _counted(_exchanges(_Paths.of(time, positions, seen))):
+    for one in _counted(_exchanges(_Paths.of(steps, positions, seen))):
         turns[one.frame].append((one.label, one.path))
-        if one.length and one.frame + one.length < len(time):
+        if one.length and one.frame + one.length < len(steps):
             turns[one.frame + one.length].append((one.path, one.label))
     paths = {0: np.arange(len(seen))}
     for frame in sorted(turns):
@@ -141,9 +141,8 @@ class _Paths:
     noise: Floats
 
     @classmethod
-    def of(cls, time: Floats, positions: Floats, seen: Integers) -> _Paths:
+    def of(cls, steps: Floats, positions: Floats, seen: Integers) -> _Paths:
         """Return the paths of the markers `seen`."""
-        steps = (time - time[0]) / np.median(np.diff(time))
         usual = np.empty((len(steps), len(seen)), np.float32)
         rough, noise = np.full(usual.shape, np.nan, np.float32), np.zeros(len(seen))
         for k, marker in enumerate(seen.tolist()):

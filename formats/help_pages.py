@@ -203,12 +203,12 @@ def _refuse_odd_texts(parameter: Any) -> None:
 
     def checked(ctx: Any, value: Any) -> Any:
         source = ctx.get_parameter_source(parameter.name)
-        is_typed = source is not None and source.name == "COMMANDLINE" and parameter.default != ""
+        is_typed = source is not None and source.name == "COMMANDLINE"
         for given in value if isinstance(value, list | tuple) else [value]:
             message = ""
-            if given == "" and is_typed:
+            if given == "" and is_typed and parameter.default != "":
                 message = f"the text is empty; {_instead_of_empty(parameter)}"
-            elif source is not None and source.name == "COMMANDLINE" and _is_below_home(given):
+            elif is_typed and _is_below_home(given):
                 home = as_typed([os.path.expanduser(given)])
                 message = f"the shell did not put your home folder in place of ~ in {plain(given)}; give {home}"
             elif isinstance(given, str) and "_" in given and kind in NUMERIC:

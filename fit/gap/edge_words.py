@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from fit.gap.evidence import Evidence, edge_left_by_law, is_at_bound, is_shown_by_edge
-from fit.gap.fitting import excludes_zero
+from fit.gap.evidence import Evidence, edge_left_by_law, is_at_bound
 from fit.gap.hypotheses import Hypothesis
 from fit.observer.edge import is_edge_explained, is_favoured_by_edge
 from formats.diagnosis_records import Figure
@@ -86,17 +85,4 @@ def describe_held_edge(evidence: Evidence) -> str:
 
 def edge_lacks(evidence: Evidence, effect: str) -> list[str]:
     """Return why the held edge does not identify an effect that explains it (`Evidence.identified_by_edge`)."""
-    hypothesis = evidence.singles[effect]
-    closed, (_, interval) = evidence.closure_of(hypothesis), evidence.amplitude(effect, any_law=False)
-    failed = {
-        "the effect itself moves no held edge": not evidence.observer.library[effect].moves_edge,
-        "the edge lies nearer without it, or with an effect that closes nearly as much": effect
-        in evidence.contradicted,
-        "the cloth is surely farther off with it": bool(closed and closed.interval and closed.interval[1] < 0.0),
-        "its size is at its bound": is_at_bound(evidence.observer, hypothesis),
-        "the edge does not surely show it": not is_shown_by_edge(
-            evidence.observer, evidence.base, evidence.base, hypothesis
-        ),
-        "its size may be 0, as far as noise, mesh and solver can tell": not excludes_zero(interval),
-    }
-    return [said for said, fails in failed.items() if fails] or ["another effect puts the edge nearer"]
+    return list(evidence.edge_lacks(effect)) or ["another effect puts the edge nearer"]

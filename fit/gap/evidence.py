@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -302,19 +303,25 @@ class Evidence:
 
     def _is_identified_by_edge(self, effect: str) -> bool:
         found = self.singles[effect]
-        if not self.observer.library[effect].moves_edge or effect in self.contradicted:
-            return False
-        closed = self.closure_of(found)
-        is_worse = closed is not None and closed.interval is not None and closed.interval[1] < 0.0
-        if (
-            is_worse
-            or is_at_bound(self.observer, found)
-            or not is_shown_by_edge(self.observer, self.base, self.base, found)
-        ):
-            return False
-        _, interval = self.amplitude(effect, any_law=False)
-        by_law = edge_left_by_law(self.observer, self.base, found)
-        return excludes_zero(interval) and is_edge_explained(found.errors.edge, by_law)
+        return not any(self.edge_lacks(effect)) and is_edge_explained(
+            found.errors.edge, edge_left_by_law(self.observer, self.base, found)
+        )
+
+    def edge_lacks(self, effect: str) -> Iterator[str]:
+        """Yield why the held edge does not identify an effect, even if the effect explains it."""
+        found = self.singles[effect]
+        if not self.observer.library[effect].moves_edge:
+            yield "the effect itself moves no held edge"
+        if effect in self.contradicted:
+            yield "the edge lies nearer without it, or with an effect that closes nearly as much"
+        if (closed := self.closure_of(found)) and closed.interval and closed.interval[1] < 0.0:
+            yield "the cloth is surely farther off with it"
+        if is_at_bound(self.observer, found):
+            yield "its size is at its bound"
+        if not is_shown_by_edge(self.observer, self.base, self.base, found):
+            yield "the edge does not surely show it"
+        if not excludes_zero(self.amplitude(effect, any_law=False)[1]):
+            yield "its size may be 0, as far as noise, mesh and solver can tell"
 
     def alike(self, one: str, other: str) -> bool:
         """Return whether two effects are collinear on the residual, so that a small mesh error can swap them."""

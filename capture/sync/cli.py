@@ -132,8 +132,8 @@ def prune_takes(
         unsafe=unsafe,
     )
     tell(f"{counted(len(room.left), 'take')} removed, {sized(room.used)} of takes stay, {sized(room.free)} are free")
-    stay = "1 take is" if unsafe == 1 else f"{unsafe} takes are"
-    unsafe_stay = f": {stay} not safe on the server and stay" if unsafe else ""
+    stay = "is not safe on the server and stays" if unsafe == 1 else "are not safe on the server and stay"
+    unsafe_stay = f": {counted(unsafe, 'take')} {stay}" if unsafe else ""
     if room.used > retention.quota_bytes:
         asked = "--quota-mb" if quota_mb is not None else "the configuration"
         tell(f"these takes exceed what {asked} allows{unsafe_stay}")

@@ -13,6 +13,7 @@ from capture.appliance.sync_news import SyncNews
 from capture.appliance.sync_status import read_status
 from capture.errors import SyncError
 from capture.sync.settings import SyncSettings
+from tests.capture.appliance.spool_takes import record
 from tests.fit.here import hangtime_here
 
 
@@ -196,6 +197,12 @@ def test_options_of_prune_have_the_ranges_of_the_configuration(tmp_path, spool, 
 def test_prune_names_the_limit_that_the_takes_exceed(spool, three):
     by_option = hangtime("takes", "prune", "--spool", spool.folder, "--quota-mb", 0).stdout
     assert "these takes exceed what --quota-mb allows: 3 takes are not safe on the server and stay" in by_option
+
+
+def test_prune_names_a_single_unsafe_take_in_the_singular(spool):
+    record(spool, 40)
+    told = hangtime("takes", "prune", "--spool", spool.folder, "--quota-mb", 0).stdout
+    assert " allows: 1 take is not safe on the server and stays\n" in told
 
 
 def test_prune_names_a_disk_that_other_files_fill_and_no_takes(tmp_path, spool, three):

@@ -6,7 +6,7 @@ panels pass each other. Rate, distance, noise and lost sightings are drawn as we
 
 An exchange is of two to four markers, in a frame alone, a few, a stretch, or one end of the file. It is found exactly
 where its positions, and no others, count as not seen. Positions under the right names that count as not seen are lost.
-Shares have intervals of 95 % by Clopper and Pearson, Biometrika 26 (1934).
+Shares have intervals of 95 % by Wilson (`fit.blind.rates`).
 """
 
 from __future__ import annotations
@@ -16,18 +16,16 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import beta
-
-from formats.arrays import Floats, Integers
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from fit.blind.rates import wilson
+from formats.arrays import Floats, Integers
 from formats.importers.marker_exchanges import remove_exchanged
 
 MOTIONS = ("swing", "ripple", "fold", "flick", "turn", "panels")
 SPANS = ("a frame", "a few", "a stretch", "an end")
-CONFIDENCE = 0.95
-MEASURED_TO = 0.4  # s that a hand's flick lasts, twice its deviation
+FLICK_SPREAD = 0.2  # s, of a hand's slowest flick exp(-(t / spread)^2); our choice: it lasts some 0.4 s
 
 
 def moved(draw: np.random.Generator, motion: str, time: Floats, at: Floats) -> Floats:
@@ -52,7 +50,7 @@ def moved(draw: np.random.Generator, motion: str, time: Floats, at: Floats) -> F
         places[..., 2] += down * (1 - np.cos(bent)) * 0.7
     elif motion == "flick":
         for _ in range(draw.integers(1, 6)):
-            when, fast = draw.uniform(time[0], time[-1]), draw.uniform(0.25, 1.0) * MEASURED_TO / 2
+            when, fast = draw.uniform(time[0], time[-1]), draw.uniform(0.25, 1.0) * FLICK_SPREAD
             bump = grown * np.exp(-(((clock - when - 0.2 * down) / fast) ** 2))
             places += bump[..., None] * draw.normal(0, 0.15, 3)
     elif motion == "turn":
@@ -103,8 +101,7 @@ def told(time: Floats, places: Floats) -> str:
 
 def share(count: int, of: int) -> str:
     """Return a share as it is printed, with its interval."""
-    low = beta.ppf((1 - CONFIDENCE) / 2, count, of - count + 1) if count else 0.0
-    high = beta.ppf((1 + CONFIDENCE) / 2, count + 1, of - count) if count < of else 1.0
+    low, high = wilson(count, of)
     return f"{count} of {of}, {100 * count / of:.2f} % [{100 * low:.2f} to {100 * high:.2f}]"
 
 

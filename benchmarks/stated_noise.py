@@ -213,7 +213,7 @@ def main() -> None:
     """Print the table of a set."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--set", choices=sorted(SETS), default="held-out-2", help="which recordings (default: held-out-2)"
+        "--set", choices=sorted(SETS), default="held-out-3", help="which recordings (default: held-out-3)"
     )
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="cache rendered frames there, 280 MB a recording")
     parser.add_argument("--each", action="store_true", help="also a table of every recording")

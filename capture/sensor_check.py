@@ -17,9 +17,8 @@ USUAL_HANGER = Hanger(  # the lengths are of no use here
     dictionary=USUAL_DICTIONARY, ids=USUAL_IDS, marker_size_m=0.06, marker_distance_m=0.3,
     held_m=((-0.2, 0.09, 0.0), (0.2, 0.09, 0.0)),
 )  # fmt: skip
-SEARCHED_OTHERWISE = (
-    3  # pictures searched for markers of other kinds. Our choice: each takes ten searches, and faults stay
-)
+# pictures searched for markers of other kinds. Our choice: each takes ten searches, and faults stay
+SEARCHED_OTHERWISE = 3
 LEAST_SEEN = 0.5  # share of the checked frames; tracking searches finer and bridges gaps
 
 

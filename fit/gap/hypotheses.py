@@ -154,9 +154,7 @@ def never_worse(simpler: Hypothesis, found: Hypothesis, screened: Screened) -> H
     own = simpler.fitted
     # Where the simpler model ended, as its residual is.
     jacobian = np.concatenate([own.jacobian, screened[found.effects[-1]].raw.T], axis=1)
-    there = replace(
-        fitted, vector=own.vector, amplitudes=own.amplitudes, residual=own.residual, jacobian=jacobian
-    )  # fmt: skip
+    there = replace(fitted, vector=own.vector, amplitudes=own.amplitudes, residual=own.residual, jacobian=jacobian)
     return Hypothesis(found.effects, there, simpler.errors)
 
 

@@ -228,9 +228,7 @@ def camera(fit: FitResult | None, diagnosis: Diagnosis | None) -> Markup:
 def method(fit: FitResult | None) -> Markup:
     """Return the section with the published method's errors, objective and combinations before and after the fit."""
     found = method_figures(fit)
-    return (
-        piece("parts.html", "details", "Mean distance of all points, objective", found, False) if (found) else NOTHING
-    )
+    return piece("parts.html", "details", "Mean distance of all points, objective", found, False) if found else NOTHING
 
 
 def effects(diagnosis: Diagnosis | None) -> Markup:

@@ -209,8 +209,11 @@ def _refuse_odd_texts(parameter: Any) -> None:
             if given == "" and is_typed and parameter.default != "":
                 message = f"the text is empty; {_instead_of_empty(parameter)}"
             elif is_typed and _is_below_home(given):
-                home = as_typed([os.path.expanduser(given)])
-                message = f"the shell did not put your home folder in place of ~ in {plain(given)}; give {home}"
+                home, tilde = as_typed([os.path.expanduser(given)]), plain(given.split("/")[0])
+                whose = "your" if tilde == "~" else f"{tilde[1:]}'s"
+                message = (
+                    f"the shell did not put {whose} home folder in place of {tilde} in {plain(given)}; give {home}"
+                )
             elif isinstance(given, str) and "_" in given and kind in NUMERIC:
                 message = f"{given!r} is no {NUMERIC[kind]}; write it without an underscore"
             if message:
@@ -221,8 +224,9 @@ def _refuse_odd_texts(parameter: Any) -> None:
 
 
 def _is_below_home(given: object) -> bool:
-    """Return whether a value is a path below `~`, where no file or folder has this name."""
-    return isinstance(given, str) and given.split("/")[0] == "~" and not os.path.lexists("~")
+    """Return whether a value is a path below `~`, or a user's as `~anna`, where no file or folder has this name."""
+    tilde = given.split("/")[0] if isinstance(given, str) and given.startswith("~") else ""
+    return (tilde == "~" or os.path.expanduser(tilde) != tilde) and not os.path.lexists(tilde)
 
 
 def _instead_of_empty(parameter: Any) -> str:

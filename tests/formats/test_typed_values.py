@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pwd
+
 import pytest
 
 from tests.fit.here import hangtime_here
@@ -89,6 +91,16 @@ def test_a_path_below_a_home_folder_that_the_shell_left_out_makes_no_folder_of_t
     assert (done.returncode, done.stdout) == (2, "")
     assert "the shell did not put your home folder in place of ~ in ~/b c; give '/people/anna/b c'" in told, told
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_path_below_the_home_folder_of_another_user_is_refused_too_and_no_other_name(tmp_path):
+    done = hangtime_here("import", "a.csv", "--out", "~root/b", folder=tmp_path)
+    home = pwd.getpwnam("root").pw_dir
+    told = " ".join(done.stderr.split())
+    assert f"the shell did not put root's home folder in place of ~root in ~root/b; give {home}/b" in told, told
+    assert "home folder" not in hangtime_here("takes", "list", "~no such user/b", folder=tmp_path).stderr
+    (tmp_path / "~root").mkdir()
+    assert "home folder" not in hangtime_here("takes", "list", "~root", folder=tmp_path).stderr
 
 
 def test_a_folder_that_is_named_like_the_home_folder_is_read(tmp_path):

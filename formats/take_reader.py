@@ -276,7 +276,7 @@ def _no_header(raw: bytes, findings: Findings, path: object) -> TakeError:
     if profile is not None and (other := of_another_version(profile.partition("/")[2], path)) is not None:
         return other
     if findings.largest_refused:
-        size = f"{findings.largest_refused / 1e6:.1f} MB, {LARGEST_CHUNK / 1e6:.1f} MB at most are read"
+        size = f"{findings.largest_refused} bytes, {LARGEST_CHUNK} bytes at most are read"
         return TakeError(f"cannot be read: a chunk in it unpacks to {size}", where=path, advice=WITH_LESS)
     if raw.startswith(MCAP_MAGIC) or b"hangtime-take" in raw[:4096]:
         why = "the file is not a take archive" if profile is None else "the recording ended in its first second"
